@@ -18,6 +18,7 @@ LARGEST_GRID = 10_000_000
 WIRES = "abcd"  # names of the wires, by index: a against b in the first bending plane, c against d sideways
 OPTIONAL = ("pulley", "sheath_bend", "wire_slack", "lateral_pull", "lateral_bend", "lateral_joint_angle")
 """Fields of an episode that may be empty: not recorded, or not there in one bending plane."""
+_COLUMNS = ("time", "pull_mm", "truth_deg", "measured_deg")  # of a `Record`
 
 
 def _empty() -> Array:
@@ -89,7 +90,6 @@ class Episode:
             raise InputError("time must increase from sample to sample")
 
     def __repr__(self) -> str:
-        """Three lines: what made the record, its samples and ranges, and what is recorded."""
         missing = int(np.isnan(self.measured_bend).sum())
         recorded = [
             name + (f" ({missing} missing)" if name == "measured_bend" and missing else "")
@@ -146,22 +146,14 @@ class Episode:
 
         By default a simulated episode is thinned and a measured one interpolated.
         """
-        return dataclasses.replace(
-            self,
-            **resample(
-                self.time,
-                self._arrays(),
-                sample_time,
-                method or ("interpolate" if self.is_measured else "thin"),
-                with_gaps=("measured_bend",),
-            ),
-        )
+        method = method or ("interpolate" if self.is_measured else "thin")
+        columns = resample(self.time, self._arrays(), sample_time, method, with_gaps=("measured_bend",))
+        return dataclasses.replace(self, **columns)
 
     def record(self, number: int = 0) -> "Record":
         """Return the columns of an estimator [mm, deg]; the truth of a measured log is unknown.
 
-        Args:
-            number: names the episode where its metadata have neither a name nor a number.
+        `number` names the episode where its metadata have neither a name nor a number.
         """
         facts = self.metadata
         low, high = facts.get("stroke_mm") or np.round([self.pull_mm.min(), self.pull_mm.max()], 1) + 0.0
@@ -283,13 +275,11 @@ class Record:
         return self._with({name: np.moveaxis(values, 0, -1) for name, values in found.items()})
 
     def _arrays(self) -> dict[str, Array]:
-        columns = {name: getattr(self, name) for name in ("time", "pull_mm", "truth_deg", "measured_deg")}
+        columns = {name: getattr(self, name) for name in _COLUMNS}
         return columns | {f"estimate of {method}": values for method, values in self.estimates.items()}
 
     def _with(self, columns: Mapping[str, Array]) -> "Record":
-        own: dict[str, Any] = {
-            name: columns[name] for name in ("time", "pull_mm", "truth_deg", "measured_deg")
-        }
+        own: dict[str, Any] = {name: columns[name] for name in _COLUMNS}
         estimates = {method: columns[f"estimate of {method}"] for method in self.estimates}
         return dataclasses.replace(self, estimates=estimates, **own)
 
@@ -368,11 +358,7 @@ def _with_gaps(time: Array, values: Array, grid: Array, reach: float) -> Array:
 
 
 def without_holes(time: Array, angle: Array) -> Array:
-    """Return a measured angle (N,) with each NaN linear between its neighbours, level at the ends.
-
-    Raises:
-        ValueError: it is NaN throughout.
-    """
+    """Return a measured angle (N,) with each NaN linear between its neighbours, level at the ends."""
     known = ~np.isnan(angle)
     if not known.any():
         raise InputError("no angle is measured: a measured record needs one")

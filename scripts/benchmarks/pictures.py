@@ -8,9 +8,9 @@ import numpy as np
 
 from scripts.benchmarks.harness import SAMPLE_TIME, OnProgress, Result, measurement, sinusoid
 from twin.preset.preset import Preset
-from twin.rendering.film import Film
 from twin.rendering.look import CAMERAS, Look
 from twin.rendering.overlay import Overlay
+from twin.rendering.render import Film
 from twin.simulation import simulate
 
 _SIZE = (640, 480)

@@ -31,11 +31,6 @@ def test_angle_over_phase_becomes_a_pull_at_the_stated_rate(tmp_path, preset):
     assert pull.max() == pytest.approx(np.radians(60) * 0.02, rel=1e-3)
 
 
-def test_samples_at_one_time_are_averaged(tmp_path, preset):
-    path = write(tmp_path / "c.csv", "time_s,pull_mm\n0,0\n0,2\n1,1\n")
-    np.testing.assert_allclose(read_command(path, preset, 0.5).pull, [1e-3, 1e-3])
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [

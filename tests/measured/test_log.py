@@ -86,13 +86,6 @@ def test_bend_of_the_sheath_is_the_column_unless_one_is_given(tmp_path):
     assert given.metadata["sheath_bend_column"] is None
 
 
-def test_tensions_are_of_the_columns_that_are_named(tmp_path):
-    log = write(tmp_path, steps(left=[1, 2, 3, 4], right=[4, 3, 2, 1]))
-    form = LogFormat(tension_a_column="right", tension_b_column="left")
-    np.testing.assert_array_equal(read_measured_log(log, form).tension[0], [4, 1])
-    assert read_measured_log(log).wire_tension.shape == (4, 2, 0)
-
-
 def test_one_tension_alone_is_warned_of_and_left_out(tmp_path):
     said = []
     log = write(tmp_path, steps(tension_b_n=[1, 2, 3, 4]))

@@ -235,14 +235,3 @@ def test_lines_are_those_of_the_file_where_some_are_blank(tmp_path):
         table.column("x")
     with pytest.raises(ValueError, match="line 7: t runs backwards"):
         table.time("t")
-
-
-def test_a_column_that_is_not_there_or_there_twice_is_refused_with_the_others(tmp_path):
-    table = read_text(tmp_path, "x,y,y\n1,2,3\n")
-    with pytest.raises(ValueError, match="has no column z; its columns: x, y, y"):
-        table.column("z")
-    with pytest.raises(ValueError, match="has more than one column y"):
-        table.column("y")
-    assert table.first_of(("z", "x")) == "x"
-    with pytest.raises(ValueError, match="has no column z or w; its columns: x"):
-        table.first_of(("z", "w"))

@@ -10,14 +10,7 @@ from recorded import make_episode, messages
 from twin.episode import Episode
 from twin.recording import write_episode
 from twin.recording.endotwin_pb2 import DESCRIPTOR
-from twin.recording.features import (
-    FEATURES,
-    Feature,
-    combine,
-    describe_features,
-    recorded,
-    statistics,
-)
+from twin.recording.features import FEATURES, Feature, combine, describe_features, recorded, statistics
 from twin.recording.messages import SCHEMAS
 
 WIRES = "abcd"
@@ -97,7 +90,7 @@ def test_statistics_of_parts_combine_to_those_of_the_whole_in_any_order_and_grou
     assert_close(combine([found])["a"], whole, rtol=2e-8 * len(lists))
 
 
-def test_deviation_survives_a_mean_that_is_huge_beside_it():
+def test_deviation_survives_a_mean_that_is_huge_next_to_it():
     rng = np.random.default_rng(0)
     lists = [1e6 + 1e-2 * rng.standard_normal(500) for _ in range(6)]
     found = combine(part(values) for values in lists)["a"]

@@ -13,13 +13,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from recorded import messages, of_kind
 
-from twin.recording import (
-    read_episode,
-    read_estimates,
-    read_metadata,
-    recover_episode,
-    write_episode,
-)
+from twin.recording import read_episode, read_estimates, read_metadata, recover_episode, write_episode
 from twin.recording.live import FLUSH_S, LiveRecording
 from twin.recording.messages import REFERENCE_TOPIC
 
@@ -110,17 +104,6 @@ def growing(path):
     except EndOfFile:
         pass
     return found
-
-
-def test_an_error_in_the_block_leaves_a_whole_file_and_is_told(tmp_path):
-    def interrupted():
-        yield from SAMPLES[:2]
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        record(tmp_path / "a.mcap", interrupted())
-    assert len(read_episode(tmp_path / "a.mcap").time) == 2
-    assert os.listdir(tmp_path) == ["a.mcap"]
 
 
 def test_a_recording_replaces_its_like_when_it_is_whole(tmp_path):

@@ -17,10 +17,8 @@ from twin.episode import Episode
 from twin.physics import Endoscope
 from twin.preset.file import load_preset
 from twin.recording import write_episode
-from twin.recording.scene import scene
 
 DIGITS = 1e-6  # of lengths in the model: MJCF holds six
-TIME = 1_500_000_000  # [ns]
 PRESETS = {
     planes: load_preset("ureteroscope").replace(vertebrae=5, bending_planes=planes) for planes in (1, 2)
 }
@@ -139,11 +137,3 @@ def test_wire_that_is_pulled_lies_inside_the_bend(planes, inner, outer):
         ends[wire] = np.linalg.norm(np.diff(middles, axis=0), axis=1).sum()
     chord = 4 * 2 * PRESETS[1].wire_offset * 2 * np.sin(0.15)
     assert ends[outer] - ends[inner] == pytest.approx(chord, rel=1e-9)
-
-
-@pytest.mark.parametrize("missing", ["section_length", "vertebrae", "wire_offset", "bending_planes"])
-def test_nothing_is_drawn_where_the_geometry_is_not_known(missing):
-    episode = posed(1, np.zeros((2, 5)))
-    assert scene(episode, TIME) is not None
-    del episode.metadata["preset"][missing]
-    assert scene(episode, TIME) is None

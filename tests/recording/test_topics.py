@@ -16,7 +16,7 @@ from twin.recording.messages import SCHEMAS, required_topics
 REQUIRED_TOPICS = required_topics(measured=False)
 
 
-def test_a_picture_goes_beside_the_episode(tmp_path):
+def test_a_picture_goes_next_to_the_episode(tmp_path):
     with EpisodeWriter(tmp_path / "a.mcap") as writer:
         writer.write(make_episode())
         writer.add_message(CAMERA_TOPIC, picture_message(b"\xff\xd8 a picture", 1_040_000_000), 1_040_000_000)

@@ -90,13 +90,3 @@ def test_curves_show_what_they_are_named_after(recorded, episode):
     np.testing.assert_array_equal(shown["tension at the pulley"], episode.wire_tension[:, 0, 0])
     np.testing.assert_array_equal(shown["tension at the tip"], episode.wire_tension[:, 0, -1])
     np.testing.assert_array_equal(shown["friction, 1st element"], episode.sheath_friction[:, 0, 0])
-
-
-def test_hysteresis_is_plotted_over_the_command(recorded, episode):
-    """Pairs by their order: both topics need a message at every sample."""
-    (loop,) = [plot for plot in plots() if plot["xAxisVal"] != "timestamp"]
-    assert loop["xAxisVal"] == "custom"
-    assert loop["xAxisPath"] == {"value": "/command.pull_mm", "enabled": True}
-    (line,) = loop["paths"]
-    np.testing.assert_array_equal(values(recorded, loop["xAxisPath"]["value"]), episode.pull_mm)
-    np.testing.assert_array_equal(values(recorded, line["value"]), episode.truth_deg)

@@ -49,14 +49,6 @@ def test_picture_is_a_jpeg_of_the_size_asked_for_that_shows_the_pose(episode, wi
     assert np.abs(drawn[0] - drawn[-1]).max() > 100  # the tip rises
 
 
-@pytest.mark.parametrize(("width", "height"), [(78, 240), (81, 240), (1282, 240), (320, 118), (320, 241)])
-def test_a_size_out_of_range_is_refused(width, height):
-    with pytest.raises(
-        ValueError, match=f"camera: {width} x {height} pixels: must be even, 80 to 1280 and 1"
-    ):
-        Camera(width=width, height=height).check()
-
-
 @needs_gl
 def test_pictures_of_a_dataset_are_read_by_the_public_reader_at_their_times(tmp_path):
     recipe = changed(episodes=2, camera=TINY_CAMERA)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rendered import DOWN, SMALL, STRAIGHT, UP, film, in_two_planes, make_episode, needs_gl, with_tension
 
-from twin.rendering.film import Film
 from twin.rendering.look import WHITE, Look
 from twin.rendering.overlay import Overlay
 from twin.rendering.picture import on_paper
+from twin.rendering.render import Film
 
 
 def pose(movie, sample: int) -> np.ndarray:
@@ -95,11 +95,6 @@ def test_records_side_by_side_have_common_axes_and_scale_and_the_shorter_one_sta
     right = (slice(None), slice(320, 640))
     np.testing.assert_array_equal(movie.frame_at(2.5)[right], movie.frame_at(4.0)[right])
     assert (movie.frame_at(2.5)[:, :320] != movie.frame_at(4.0)[:, :320]).any()
-
-
-def test_more_records_than_have_room_are_refused():
-    with pytest.raises(ValueError, match=r"^7 records: from 1 to 6 have room side by side$"):
-        Film([Overlay(make_episode())] * 7)
 
 
 def test_without_gl_the_package_to_install_is_named(monkeypatch):

@@ -68,11 +68,6 @@ def test_a_ghost_at_other_times_is_refused_in_one_line(tmp_path, ghost: Episode,
     assert not any(tmp_path.iterdir())
 
 
-def test_a_reference_of_another_length_is_refused():
-    with pytest.raises(ValueError, match=r"^reference has 40 samples, the record has 41$"):
-        film(Overlay(EPISODE, reference_deg=REFERENCE_DEG[1:]))
-
-
 def dark_columns(picture: np.ndarray) -> int:
     """How many columns of a row hold ink of the reference, in the row that has most."""
     return int((picture.max(axis=-1) < 90)[60:-60, 80:-30].sum(axis=1).max())

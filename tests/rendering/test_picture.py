@@ -8,18 +8,7 @@ from PIL import Image
 
 from twin.rendering.actor import TensionColours
 from twin.rendering.look import THEMES, rgb
-from twin.rendering.picture import (
-    Badge,
-    Bar,
-    Label,
-    Rule,
-    angle,
-    over,
-    paint,
-    signed,
-    straight,
-    times_real,
-)
+from twin.rendering.picture import Badge, Bar, Label, Rule, over, paint, signed, straight
 
 MINUS, TIMES = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}"
 
@@ -52,16 +41,6 @@ def test_a_number_has_its_sign_and_a_zero_has_none(value, digits):
     number = float(text.replace(MINUS, "-"))
     assert number == pytest.approx(value, abs=0.5 * 10**-digits + 1e-9)
     assert (text[0] in f"+{MINUS}") == (number != 0)
-
-
-def test_angles_and_speeds_are_written_as_people_do():
-    assert [angle(value) for value in (12.34, -12.34, -0.04, 0.0)] == [
-        "+12.3°",
-        f"{MINUS}12.3°",
-        "0.0°",
-        "0.0°",
-    ]
-    assert [times_real(speed) for speed in (4.0, 0.25, 1.0)] == [f"4{TIMES}", f"0.25{TIMES}", "real time"]
 
 
 def test_more_tension_is_lighter_also_in_greyscale():

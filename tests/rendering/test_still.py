@@ -12,7 +12,7 @@ from rendered import UP, in_two_planes, ink, make_episode, needs_gl, with_tensio
 from twin.rendering.look import CAMERAS, Look
 from twin.rendering.overlay import Overlay
 from twin.rendering.render import render
-from twin.rendering.still import keyframes, render_sheet, spread
+from twin.rendering.still import keyframes, spread
 
 EPISODE = make_episode()
 SIZE = (300, 140)
@@ -109,15 +109,6 @@ def test_every_camera_draws_a_picture_of_its_own(tmp_path, camera):
     assert (picture == 255).all(axis=-1).mean() > 0.3
 
 
-@needs_gl
-def test_a_sheet_shows_the_poses_of_even_times(tmp_path):
-    path = render_sheet(Overlay(EPISODE), tmp_path / "sheet.png", 5, Look(size=(600, 420), dpi=100))
-    upper = picture_of(path)[:45, :, :3]
-    # Of 5 pictures in rows of 3: straight, up, straight; down, straight.
-    left, middle = (ink(upper[:, 200 * k + 110 : 200 * k + 200]).max() for k in (0, 1))
-    assert left < 60 < 150 < middle
-
-
 @pytest.mark.parametrize(
     ("name", "options", "fault"),
     [
@@ -138,21 +129,6 @@ def test_what_cannot_be_drawn_is_refused_and_leaves_nothing(tmp_path, name, opti
     with pytest.raises(ValueError, match=fault):
         render(EPISODE, tmp_path / name, **options)
     assert not any(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("options", "fault"),
-    [
-        ({"camera": "front"}, "^camera = 'front': must be one of side, top, tip, overview, endoscopic$"),
-        ({"background": "red"}, "^background = 'red': must be one of white, dark, transparent$"),
-        ({"sleeve": "open"}, "^sleeve = 'open': must be one of cut, whole, none$"),
-        ({"panels": "loop"}, "^panels = 'loop': must be one of both, view, curves$"),
-        ({"dpi": 20}, "^dpi = 20: must be from 50 to 1200$"),
-    ],
-)
-def test_an_unknown_look_is_refused_with_the_valid_ones(options, fault):
-    with pytest.raises(ValueError, match=fault):
-        Look(**options)
 
 
 @needs_gl

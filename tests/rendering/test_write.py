@@ -66,13 +66,6 @@ def test_a_film_that_is_interrupted_leaves_nothing(tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_same_frames_make_the_same_bytes_and_come_back_in_order(tmp_path):
-    for name in ("a.mp4", "b.mp4"):
-        write_video(tmp_path / name, GREYS, 10, 64, 48)
-    assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
-    np.testing.assert_allclose(frames_of(tmp_path / "a.mp4"), GREYS, atol=4)
-
-
 def test_a_full_disk_leaves_the_previous_film_and_names_it(small_disk):
     disk = small_disk(64)
     write_video(disk / "a.mp4", GREYS, 10, 64, 48)

@@ -6,19 +6,9 @@ import numpy as np
 import pytest
 from scores import SCORE, track
 
-from twin.estimation.registry import method_specs
 from twin.evaluation.ranking import MethodRank, Ranking
 from twin.evaluation.results import load_tracks, save_tracks
-from twin.report.figures import (
-    interval_figure,
-    is_level,
-    loop_figure,
-    paper_figures,
-    rank_figure,
-    rmse_figure,
-    style_of,
-    tracking_figure,
-)
+from twin.report.figures import is_level, paper_figures, rank_figure, rmse_figure, tracking_figure
 
 TIME = np.arange(0, 20, 0.1)
 TRUTH = 20 * np.sin(TIME)
@@ -43,15 +33,6 @@ def test_tracking_figure_holds_estimates_above_and_errors_below():
         tracking_figure(TRACK, ["LSTM"], "title")
 
 
-def test_loop_figure_lays_each_fit_over_its_loop():
-    pull, bend = np.linspace(-1, 1, 50), np.linspace(-20, 20, 50)
-    (axes,) = loop_figure([(pull, bend)], [bend + 1]).axes
-    measured, fitted = lines_of(axes)
-    np.testing.assert_array_equal(fitted - measured, np.ones(50))
-    with pytest.raises(ValueError, match="2 fits for 1 loops"):
-        loop_figure([(pull, bend)], [bend, bend])
-
-
 def test_rmse_figure_has_the_interval_the_mean_and_the_paper():
     rows = [
         dataclasses.replace(SCORE, rmse_deg=0.7, rmse_ci95_deg=(0.6, 0.8), paper_rmse_deg=0.6354),
@@ -63,13 +44,6 @@ def test_rmse_figure_has_the_interval_the_mean_and_the_paper():
         assert any(np.isclose(value, expected) for value in values)
     with pytest.raises(ValueError, match="no rows"):
         rmse_figure([])
-
-
-def test_styles_differ_without_colour():
-    styles = [spec.presentation.style for spec in method_specs() if spec.presentation.style]
-    assert len({(style.line, style.marker) for style in styles}) == len(styles) == 7
-    others = ["RAM", "KalmanNet", "UKF"]
-    assert style_of("KalmanNet", others).marker != style_of("UKF", others).marker
 
 
 def test_tracks_survive_the_disk(tmp_path):
@@ -132,18 +106,3 @@ def test_rank_figure_has_a_panel_for_each_group_and_fills_the_level_ones():
     names = [label.get_text() for label in panels[0].get_yticklabels()]
     filled = [name for place, name in enumerate(names) if faces[place] != "white"]
     assert filled == ["KalmanNet", "RAM (twins)"]
-
-
-def test_interval_figure_has_a_dot_for_each_noise():
-    stated = {"coverage95": 0.94, "width95_deg": 1.5, "nees": 1.1, "nis": 1.2, "crps_deg": 0.2}
-    rows = [
-        dataclasses.replace(SCORE, method="AM", **stated),
-        dataclasses.replace(
-            SCORE, method="AM", noise="poisson", **stated | {"coverage95": 0.5, "crps_deg": 0.8}
-        ),
-        dataclasses.replace(SCORE, method="RAM (twins)", **stated | {"crps_deg": 0.1}),
-    ]
-    coverage, crps = interval_figure(rows).axes
-    assert [tick.get_text() for tick in coverage.get_yticklabels()] == ["AM", "RAM (twins)"]
-    assert list(coverage.lines[0].get_xdata()) == [0.94, 0.5]
-    assert list(crps.lines[0].get_xdata()) == [0.2, 0.8]

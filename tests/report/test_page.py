@@ -16,7 +16,6 @@ from twin.report.page import (
     facts,
     figure,
     film,
-    flat_facts,
     folded,
     gap,
     side_by_side,
@@ -65,28 +64,3 @@ def test_a_page_is_one_file_with_a_table_of_contents(tmp_path):
     assert all(address.startswith(("data:", "#")) for address in addresses)
     assert html.count("<script>") == 1  # of the slider
     assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
-
-
-def test_a_picture_that_is_none_is_refused(tmp_path):
-    (tmp_path / "a.png").write_bytes(b"GIF89a")
-    with pytest.raises(ValueError, match="it is no PNG picture"):
-        figure(tmp_path / "a.png", "caption")
-    with pytest.raises(FileNotFoundError):
-        figure(tmp_path / "none.png", "caption")
-
-
-def test_facts_of_nested_values():
-    values = {
-        "a_b": {"c": 1.0 / 3.0, "on": True, "none": None},
-        "pairs": [[2.0, 4.0], [-1.0, 1.0]],
-        "numbers": [1, 2],
-        "files": [{"name": "x"}, {"name": "y"}],
-    }
-    assert flat_facts(values) == [
-        ("a b, c", "0.333333"),
-        ("a b, on", "yes"),
-        ("a b, none", "none"),
-        ("pairs", "[2, 4], [-1, 1]"),
-        ("numbers", "1, 2"),
-        ("files", "2"),
-    ]

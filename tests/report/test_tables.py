@@ -5,16 +5,13 @@ import itertools
 
 import numpy as np
 import pytest
-from scores import SCORE, track
+from scores import SCORE
 
 from twin.evaluation.costs import Cost
 from twin.evaluation.paper import INDICES, TABLES, paper_value
 from twin.evaluation.ranking import MethodRank, Ranking
-from twin.report.figures import comparison_figures
 from twin.report.tables import (
     comparison_tables,
-    interval_scores,
-    interval_table,
     overall_table,
     paper_table,
     paper_tables,
@@ -159,17 +156,6 @@ def test_the_bound_is_compared_with_the_limit_over_randomised_twins(rows):
     assert "- / 0.450" in comparison_tables(rows, [BOUND])  # the nominal twin is not drawn
 
 
-def test_figures_of_a_comparison_are_pictures_with_the_papers_numbers(rows, monkeypatch):
-    monkeypatch.setattr("twin.report.figures.to_png_bytes", lambda figure: figure.axes)
-    time = np.arange(30) * 0.1
-    tracks = {("gaussian", 1.0): track(time, time, time + 1, {"AM": time + 0.5, "RAM": time + 0.1})}
-    names = {"rmse_by_noise.png", "times_the_limit.png", "figure_05.png", "figure_06.png"}
-    assert set(comparison_figures(rows, tracks)) == names
-    others = [of for of in rows if of.method != LIMIT]
-    assert set(comparison_figures(others, tracks)) == names - {"times_the_limit.png"}
-    assert "Times the limit" not in comparison_tables(others, [])
-
-
 def test_figures_of_trainings_are_geometric_means_over_noises_of_each():
     rows = [
         row("GRU", 1.0, training_rmse_deg=(0.5, 2.0, 1.0)),
@@ -200,19 +186,3 @@ def test_the_table_of_ranks_has_the_least_error_first_and_its_intervals():
     assert lines[0] == ["Ensemble", "0.200", "-", "0.50 to 0.70"]
     assert lines[1] == ["RAM (twins)", "0.320 (0.288 to 0.352)", "1 (1 to 2)", "1.00 to 1.00"]
     assert lines[2][0] == "AM"
-
-
-def test_the_table_of_intervals_has_coverage_by_noise_and_means_of_the_rest():
-    stated = {"coverage95": 0.94, "width95_deg": 1.5, "nees": 1.1, "nis": 1.2, "crps_deg": 0.2}
-    rows = [
-        row("LSTM", 1.0),
-        row("AM", 1.0, **stated),
-        row("AM", 1.0, ("poisson", 1.0), **stated | {"coverage95": 0.5, "crps_deg": 0.8, "nis": None}),
-        row("RAM (twins)", 1.0, **stated | {"crps_deg": 0.1, "nis": None}),
-    ]
-    assert list(interval_scores(rows)) == ["RAM (twins)", "AM"]
-    head, _, first, second = cells_of(interval_table(rows))
-    assert head[-4:] == ["width [deg]", "NEES", "NIS", "CRPS [deg]"]
-    assert first == ["RAM (twins)", "94", "-", "1.50", "1.10", "-", "0.100"]
-    assert second == ["AM", "94", "50", "1.50", "1.10", "1.20", "0.400"]
-    assert interval_table(rows[:1]) == ""

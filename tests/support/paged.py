@@ -23,13 +23,7 @@ from twin.simulation import simulate
 
 METHODS = ("C-H", "AM", "LSTM", "Direct RL", "RAM")
 EVERY_KIND = ("run", "dataset", "evaluation", "training", "calibration", "gate", "control")
-CONDITIONS = (
-    ("gaussian", 1.0),
-    ("gaussian", 5.0),
-    ("poisson", 0.1),
-    ("poisson", 1.0),
-    ("poisson", 2.0),
-)
+CONDITIONS = (("gaussian", 1.0), ("gaussian", 5.0), ("poisson", 0.1), ("poisson", 1.0), ("poisson", 2.0))
 
 
 def make_pages(folder: Path) -> dict[str, Path]:

@@ -7,9 +7,9 @@ import pytest
 
 from twin.episode import Episode
 from twin.physics import choose_backend
-from twin.rendering.film import Film
 from twin.rendering.look import Look
 from twin.rendering.overlay import Overlay
+from twin.rendering.render import Film
 
 needs_gl = pytest.mark.skipif(choose_backend() == "disable", reason="nothing here draws without a screen")
 VERTEBRAE = 16

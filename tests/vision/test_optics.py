@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from seen import needs_gl
 
 from twin.preset.file import load_preset
-from twin.vision.bench import Bench, board_square, charuco_board, develop, expose, instants, row_weights
+from twin.vision.bench import Bench, board_square, charuco_board, develop, instants, row_weights
 from twin.vision.calibration import _corners
 from twin.vision.optics import cv2, mounted_cameras
 from twin.vision.rig import StereoRig, parse_rig, stereo_rig
@@ -61,22 +61,6 @@ def test_rows_are_open_one_after_the_other_for_as_long_as_they_are_exposed(expos
     shown = when @ weights
     wanted = (np.arange(121) / 120 - 0.5) * rolling
     np.testing.assert_allclose(shown, wanted, atol=1e-9 + 0.02 * (exposure + rolling) / len(when))
-
-
-def test_motion_is_smeared_over_its_way():
-    """A bright column that moves by six pixels while the shutter is open is six pixels wide."""
-    rig = StereoRig(exposure_s=0.01)
-    when = np.linspace(-0.005, 0.005, 61)
-    columns = np.arange(rig.width)
-
-    def scene(time: float) -> np.ndarray:
-        column = np.clip(1 - np.abs(columns - 300 - 600 * time), 0, 1)
-        return np.tile(column, (rig.height, 1)).astype(np.float32)
-
-    row = expose(scene, when, row_weights(rig, when))[100]
-    assert row.sum() == pytest.approx(1, abs=1e-3)
-    spread = np.sqrt((row * (columns - 300) ** 2).sum())
-    assert spread == pytest.approx(np.sqrt(6**2 / 12 + 1 / 6), rel=0.03)  # a box and a tent
 
 
 @pytest.mark.parametrize("noise", [0.0, 3.0, 8.0])

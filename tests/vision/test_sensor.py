@@ -8,7 +8,7 @@ from twin.preset.file import load_preset
 from twin.rendering.actor import shape_of
 from twin.vision import sensor as module
 from twin.vision.rig import StereoRig
-from twin.vision.sensor import StereoSensor, frame_samples, sensor_before
+from twin.vision.sensor import StereoSensor
 
 pytestmark = needs_gl
 PRESET = load_preset("ureteroscope")
@@ -83,12 +83,6 @@ def test_a_rolling_shutter_sees_the_tip_late_or_early():
     assert 0.002 < np.nanmean(error) / speed_deg < 0.03
 
 
-def test_pictures_are_taken_at_the_rate_of_the_rig(sensor):
-    assert frame_samples(np.arange(50) * 0.02, 10.0) == list(range(0, 50, 5))
-    measured = sensor.measure(record(np.zeros(15), sample_time=0.02), SEED)
-    np.testing.assert_array_equal(np.flatnonzero(~np.isnan(measured)), np.arange(0, 15, 5))
-
-
 def test_a_picture_does_not_depend_on_which_others_are_taken(sensor):
     episode = record(np.linspace(-30, 30, 11))
     every = dict(sensor.pictures(episode, SEED))
@@ -133,19 +127,8 @@ def test_two_planes_are_separated():
     assert np.abs(error[np.abs(episode.bend) < 0.1]).max() < 1.0
 
 
-@pytest.mark.slow
-def test_a_thick_manipulator_is_measured_too():
-    error = errors(other(load_preset("vio_com")), np.linspace(-40, 40, 5), sample_time=1.0)
-    assert np.sqrt(np.mean(error**2)) < 0.3
-
-
 @pytest.mark.parametrize("change", [{"blur_px": 10.0}, {"brightness": 0.05}])
 def test_a_rig_that_sees_nothing_is_refused_in_one_line(change):
     with pytest.raises(ValueError, match="less blur") as refused:
         StereoSensor(PRESET, StereoRig(calibration_views=6, **change))
     assert "\n" not in str(refused.value)
-
-
-def test_a_sensor_is_set_up_once_for_endoscopes_of_one_shape():
-    episode, rig = record(np.zeros(3)), StereoRig(calibration_views=VIEWS)
-    assert sensor_before(episode, rig) is sensor_before(record(np.ones(4)), rig)

@@ -122,10 +122,7 @@ def _listed(folder: Path) -> _Listing:
 
 
 def _refuse_to_mix(paths: Sequence[Path], listing: _Listing, csv_sha256: str) -> None:
-    """Refuse to write over the log of another CSV file, or next to files that no import wrote.
-
-    What a killed import wrote and did not list is listed here, or about to be written again.
-    """
+    """Refuse to write over the log of another CSV file, or next to files that no import wrote."""
     folder = paths[0].parent
     unlisted = [file for file in sorted(folder.glob("*.mcap")) if file.name not in listing.files]
     metadata = {file: _metadata_of_import(file) for file in unlisted}

@@ -378,10 +378,7 @@ class _Few:
 
 
 def oddities(*logs: Episode) -> list[str]:
-    """Return a warning, in one line, for each of command, angle and time that is hardly an endoscope's.
-
-    Windows of `read_windows` are judged together, as one may hardly move.
-    """
+    """Return a warning, in one line, for each of command, angle and time that is hardly an endoscope's."""
     facts = logs[0].metadata
     command, angle, time = facts["command_column"], facts["angle_column"], facts["time_column"]
     radius = facts["pulley_radius"]

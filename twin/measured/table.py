@@ -361,13 +361,7 @@ def shown_name(name: str) -> str:
 
 
 def average_repeats(time: Array, values: Array) -> tuple[Array, Array]:
-    """Return the distinct times (M,) of a time that may repeat, and the mean values (M, ...) at each.
-
-    Args:
-        time: (N,) times.
-        values: (N, ...) readings at those times; a NaN does not count. A mean is NaN where all its values
-            are.
-    """
+    """Return the distinct ones (M,) of times (N,), and the mean (M, ...) of values (N, ...) without NaN."""
     instants, index = np.unique(time, return_inverse=True)
     known = ~np.isnan(values)
     sums, counts = (np.zeros((len(instants), *values.shape[1:])) for _ in range(2))

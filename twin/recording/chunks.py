@@ -104,11 +104,7 @@ class Stream:
 def sample_chunks(
     streams: Sequence[Stream], channels: Sequence[int], nanoseconds: Integers
 ) -> Iterator[ChunkContent]:
-    """Group the messages of streams into chunks of whole samples.
-
-    `channels` are those of the streams, `nanoseconds` (N,) the times of the samples, whose places are the
-    sequence numbers of their messages.
-    """
+    """Group the messages of streams into chunks of whole samples."""
     layouts = functools.cache(lambda number, *sizes: find_layout(streams[number], *sizes))
     for first in range(0, len(nanoseconds), _BATCH):
         batch = np.arange(first, min(first + _BATCH, len(nanoseconds)))

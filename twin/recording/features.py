@@ -98,10 +98,7 @@ def recorded(episode: Episode) -> dict[str, Array]:
 
 
 def describe_features(episode: Episode) -> dict[str, dict[str, Any]]:
-    """Return topic, field, unit, shape of a sample and meaning of what an episode holds, by name.
-
-    A quantity of which every number is missing (NaN) is left out, as in the statistics.
-    """
+    """Return topic, field, unit, shape of a sample and meaning of what an episode holds, by name."""
     held = {name: array for name, array in recorded(episode).items() if not np.isnan(array).all()}
     described = {}
     for of in FEATURES:

@@ -228,12 +228,7 @@ def _table(name: str, rows: Sequence[Sequence[float]], count: int) -> Array:
 
 
 def streams_of(episode: Episode, start: int) -> list[Stream]:
-    """Return the message streams of an episode, one for each topic.
-
-    A measurement that is missing is no message. `/tension` is left out without wire tensions,
-    `/joint_states` without joints, and `/tf` also without a preset in the metadata that states the geometry.
-    `/scene` has one message, at the first sample, where the preset states the geometry.
-    """
+    """Return the message streams of an episode, one for each topic."""
     _check_shapes(episode)
     seen = ~np.isnan(episode.measured_bend)
     if not seen.any():

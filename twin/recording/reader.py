@@ -210,10 +210,7 @@ class Contents:
                 )
 
     def keep_whole_samples(self) -> None:
-        """Keep the samples that every topic of the episode has, in the order of time.
-
-        `/measurement` may be missing at a sample, but not at the last one: it may be among what is lost.
-        """
+        """Keep the samples that every topic of the episode has, in the order of time."""
         topics = ({*required_topics(measured=self.is_measured)} | self.topics) & TOPICS
         by_time = {
             topic: dict(zip(self.times.get(topic, []), self.payloads.get(topic, []), strict=True))

@@ -61,10 +61,7 @@ class EpisodeWriter:
         self._file.__exit__(kind, error, traceback)
 
     def write(self, episode: Episode) -> None:
-        """Add the metadata, the attachments and every message of an episode; one episode makes one file.
-
-        Metadata and channels precede the messages: if the file is cut later, they are still there.
-        """
+        """Add the metadata, the attachments and every message of an episode; one episode makes one file."""
         if self._complete:
             raise InputError(f"{self.path} already holds an episode: one file, one episode")
         metadata = metadata_texts(episode.metadata)

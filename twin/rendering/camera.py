@@ -42,10 +42,7 @@ class Camera:
 
 
 def pictures(episode: Episode, camera: Camera) -> Iterator[tuple[int, bytes]]:
-    """Yield the sample index of each picture and the picture as a JPEG file.
-
-    A picture shows the latest sample at its time. OpenGL libraries differ in single pixels.
-    """
+    """Yield the sample index of each picture and the picture as a JPEG file."""
     from PIL import Image
 
     from twin.rendering.actor import Actor, TensionColours  # a camera is described without MuJoCo

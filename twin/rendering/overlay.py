@@ -83,10 +83,7 @@ def _span(time: Array) -> str:
 
 
 def with_model(episode: Episode, model: HysteresisModel, name: str) -> Overlay:
-    """Return an episode with the response of a model to its command as a ghost.
-
-    The model starts at the first angle; the legend has its name and its RMSE.
-    """
+    """Return an episode with the response of a model to its command as a ghost."""
     bend_deg = model.response(episode.pull_mm, episode.truth_deg[0])
     rmse = float(np.sqrt(np.mean((bend_deg - episode.truth_deg) ** 2)))
     return Overlay(episode, _arc(episode, bend_deg), ghost_name=f"{name}, RMSE {rmse:.2f}°")

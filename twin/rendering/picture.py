@@ -125,10 +125,7 @@ def paint(picture: Image.Image, marks: Sequence[Mark]) -> None:
 
 
 def plot(axes: Axes, marks: Sequence[Mark], points_per_pixel: float) -> None:
-    """Draw marks into axes whose units are the pixels of the picture that they show, y downwards.
-
-    A pixel has the size `points_per_pixel` in the figure [1/72 inch].
-    """
+    """Draw marks into axes whose units are the pixels of the picture that they show, y downwards."""
     sides = {"l": "left", "m": "center", "r": "right"}
     levels = {"s": "baseline", "m": "center"}
     for mark in marks:

@@ -23,10 +23,7 @@ _OVERSAMPLING = 3  # Pillow's lines have hard edges: they are drawn larger, and 
 
 
 class Curve(NamedTuple):
-    """Curve that does not move, in the units of the axes; named in the legend.
-
-    Its width is that where text has a height of 13.
-    """
+    """Curve that does not move, in the units of the axes; named in the legend."""
 
     x: Array
     y: Array
@@ -82,10 +79,7 @@ def over_time(overlay: Overlay, theme: Theme) -> Plot:
 
 
 def _curves(over: str, overlay: Overlay, theme: Theme, *, moving: bool) -> list[Curve]:
-    """Return the bend of an episode, and of its ghost below it, over an array of theirs.
-
-    Where a trace moves over the curve, it is pale.
-    """
+    """Return the bend of an episode, and of its ghost below it, over an array of theirs."""
     episode, ghost = overlay.episode, overlay.ghost
     x, bend_deg, name, curves = getattr(episode, over), episode.truth_deg, "", []
     if ghost is not None or overlay.has_reference:

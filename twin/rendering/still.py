@@ -190,10 +190,7 @@ def _mark_sample(axes: Axes, cell: PlotCell, chosen: _Chosen, pale: str, colour:
 
 
 def render_sheet(overlay: Overlay, path: Path, poses: int, look: Look | None = None) -> Path:
-    """Render a contact sheet: poses at even times, numbered, over the bend with the same numbers.
-
-    The `view` of `panels` leaves the bend out.
-    """
+    """Render a contact sheet: poses at even times, numbered, over the bend with the same numbers."""
     look = look or Look()
     if not 2 <= poses <= MOST_POSES:
         raise InputError(f"sheet = {poses}: must be from 2 to {MOST_POSES} pictures")

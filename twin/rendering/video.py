@@ -27,11 +27,7 @@ _GIF_COLOURS = 255  # and one for the paper
 def write_video(
     path: Path, frames: Iterable[Picture], fps: int, width: int, height: int, sampled: Sequence[Picture] = ()
 ) -> None:
-    """Write frames (height, width, 3) as a film, in the format of the path's ending.
-
-    Width and height are even [pixels]. A GIF has times in hundredths of a second, and takes its colours from
-    the first frame and the sampled ones.
-    """
+    """Write frames (height, width, 3) as a film, in the format of the path's ending."""
     av.logging.set_level(av.logging.PANIC)  # errors are raised
     if path.suffix.lower() == ".gif":
         _write_gif(path, frames, fps, width, height, sampled)

@@ -175,11 +175,9 @@ def tracking_figure_of(shown: Mapping[str, ControlTrial], title: str) -> Figure:
     for axes in grid:
         axes.axvline(0, color="#b8bec6", linewidth=0.7)
     angle.set_title(title, loc="left", fontsize=10)
-    angle.set_ylabel("bending angle [deg]")
-    error.set_ylabel("error [deg]")
-    pull.set_ylabel("command [mm]")
-    pull.set_xlabel("time since the hold at the start [s]")
-    pull.set_xlim(time[0], time[-1])
+    angle.set(ylabel="bending angle [deg]")
+    error.set(ylabel="error [deg]")
+    pull.set(ylabel="command [mm]", xlabel="time since the hold at the start [s]", xlim=time[[0, -1]])
     handles = [Line2D([], [], label=name, **_line(name)) for name in shown]
     handles.append(Line2D([], [], label="reference", **line_of(REFERENCE)))
     figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=8.5)

@@ -64,12 +64,7 @@ def line_of(style: Style) -> dict[str, Any]:
 
 
 def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()) -> Figure:
-    """Draw loops and the Coleman-Hodgdon fit over them.
-
-    Args:
-        loops: (pull_mm (N,), bend_deg (N,)) of each episode.
-        fits: (N,) response of the model [deg] to each pull; empty for loops alone.
-    """
+    """Draw loops (pull_mm (N,), bend_deg (N,)), and fits (N,) of Coleman-Hodgdon models [deg] over them."""
     if fits and len(fits) != len(loops):
         raise InputError(f"{len(fits)} fits for {len(loops)} loops: give one each, or none")
     figure = Figure(figsize=(4.6, 4.0), layout="constrained")
@@ -91,10 +86,7 @@ def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()
 def tracking_figure(
     track: Record, methods: Sequence[str], title: str, notes: Mapping[str, str] | None = None
 ) -> Figure:
-    """Draw truth and estimates over their errors: the complete record, and its first seconds (Figs. 5-10).
-
-    The last method is on top; notes follow the names of methods in the legend.
-    """
+    """Draw truth and estimates over their errors: the complete record, and its first seconds (Figs. 5-10)."""
     errors = {method: track.error_deg(method) for method in methods}
     lines = {method: line_of(style_of(method, methods)) for method in methods}
     figure = Figure(figsize=(8.6, 4.3), layout="constrained")
@@ -158,11 +150,7 @@ def paper_figures(
 
 
 def training_figure(curves: dict[str, dict[str, Array]]) -> Figure:
-    """Draw the cost that each agent pays per step over the samples it has learned from; lower is better.
-
-    Args:
-        curves: by agent, `samples` (M,) and `return` (M,), the mean reward per step, negative [deg^2].
-    """
+    """Draw the cost per step of each agent over its `samples` (M,), from the mean `return` (M,) [deg^2]."""
     figure = Figure(figsize=(5.6, 3.2), layout="constrained")
     axes = clean_axes(figure.subplots())
     agents = tables.ordered(curves)
@@ -365,10 +353,7 @@ def rankings_to_draw(rankings: Sequence[Ranking]) -> list[Ranking]:
 
 
 def rank_figure(rankings: Sequence[Ranking]) -> Figure:
-    """Draw every method's error in units of that of the first, with its paired 95 % interval.
-
-    A panel for each group; filled marks are of methods that are level with the first.
-    """
+    """Draw every method's error in units of that of the first, with its paired 95 % interval."""
     columns = len(rankings) if len(rankings) <= _PANELS + 1 else _PANELS
     rows = -(-len(rankings) // columns)
     methods = [of.method for of in tables.by_error(rankings[0])][::-1]

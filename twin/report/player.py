@@ -120,17 +120,10 @@ def player(episode: Episode, name: str) -> Markup:
     first = int(np.abs(bend).argmax())
     base, link = _scale(hinges)
     x, y, axes = _axes(pull, bend)
-    samples = {
-        "time_s": np.round(episode.time[places], 3).tolist(),
-        "pull_mm": np.round(pull, 3).tolist(),
-        "bend_deg": np.round(bend, 2).tolist(),
-        "hinges_deg": np.round(hinges, 2).tolist(),
-        "loop_x": np.round(x, 1).tolist(),
-        "loop_y": np.round(y, 1).tolist(),
-        "base": np.round(base, 1).tolist(),
-        "link": round(link, 2),
-        "first": first,
-    }
+    values = {"time_s": (episode.time[places], 3), "pull_mm": (pull, 3), "bend_deg": (bend, 2)}
+    values |= {"hinges_deg": (hinges, 2), "loop_x": (x, 1), "loop_y": (y, 1), "base": (base, 1)}
+    samples: dict[str, Any] = {name: np.round(*of).tolist() for name, of in values.items()}
+    samples |= {"link": round(link, 2), "first": first}
     drawn = "its hinges as simulated" if simulated else "drawn as an arc, as no hinge is measured"
     ends = (f"{values.min():.1f} to {values.max():.1f}" for values in (bend, pull))
     spans = "bending angle from {} deg over a pull from {} mm".format(*ends)
@@ -164,10 +157,8 @@ def _pose_svg(hinges_deg: Array, base: Array, link: float) -> Markup:
     body = " ".join(f"{x:.1f},{y:.1f}" for x, y in base + link * _points(hinges_deg))
     shaft = f'x1="{base[0]:.1f}" y1="{base[1]:.1f}" x2="{base[0]:.1f}" y2="{SIZE}"'
     line = f'<polyline class="body" points="{body}" fill="none" stroke-linejoin="round" '
-    strokes = [
-        f'stroke="{colour}" stroke-width="{width}"'
-        for colour, width in (("#4a5360", _THICK), ("#c9d0d8", _THICK - 4))
-    ]
+    looks = {"#4a5360": _THICK, "#c9d0d8": _THICK - 4}
+    strokes = [f'stroke="{colour}" stroke-width="{width}"' for colour, width in looks.items()]
     lines = [f"<line {shaft} {stroke}/>" for stroke in strokes]
     lines += [f'{line}{stroke} stroke-linecap="round"/>' for stroke in strokes]
     dashes = f'stroke-dasharray="1.5 {max(link - 1.5, 1):.2f}"'
@@ -204,14 +195,10 @@ def _label(x: float, y: float, text: str, anchor: str) -> str:
 
 def _loop_svg(x: Array, y: Array, axes: list[str], first: int) -> Markup:
     path = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-    return _svg(
-        [
-            *axes,
-            f'<polyline points="{path}" fill="none" stroke="#9aa3ad" stroke-width="1.6"/>',
-            '<polyline class="trace" points="" fill="none" stroke="#1d232c" stroke-width="2.6"/>',
-            f'<circle class="dot" cx="{x[first]:.1f}" cy="{y[first]:.1f}" r="6" fill="#a8231c"/>',
-        ]
-    )
+    loop = f'<polyline points="{path}" fill="none" stroke="#9aa3ad" stroke-width="1.6"/>'
+    trace = '<polyline class="trace" points="" fill="none" stroke="#1d232c" stroke-width="2.6"/>'
+    dot = f'<circle class="dot" cx="{x[first]:.1f}" cy="{y[first]:.1f}" r="6" fill="#a8231c"/>'
+    return _svg([*axes, loop, trace, dot])
 
 
 def _svg(lines: list[str]) -> Markup:

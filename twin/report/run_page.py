@@ -82,6 +82,11 @@ def run_page(folder: Path) -> html.Page:
     )
     model = functools.cache(functools.partial(_coleman_hodgdon, folder / "coleman_hodgdon.json"))
     shown = functools.partial(_shown, folder)
+
+    def results(path: Path) -> Sequence[Markup]:
+        scores, contents = read_evaluation(path)
+        return result_parts(scores, rankings_of(contents))
+
     page = html.Page(
         "EndoTwin: a digital twin of a tendon-driven flexible endoscope",
         "Hysteresis, and how well it is estimated",
@@ -102,7 +107,7 @@ def run_page(folder: Path) -> html.Page:
         ),
     )
     page.add("How RAM works", *_schemes())
-    page.add("Results and the paper's", *shown("results/evaluation.json", _results))
+    page.add("Results and the paper's", *shown("results/evaluation.json", results))
     page.add("Tracking", *shown("results/tracks.npz", tracking_parts))
     page.add("Training", *shown("runs", _curves))
     stated = _run_facts(folder)
@@ -171,17 +176,12 @@ def _equation(model: ColemanHodgdon) -> Sequence[Markup]:
     equation = (
         '<span class="formula">dθ/dt = <i>a</i> |<i>v</i>| (<i>b</i> δ<i>l</i> &minus; θ) + <i>c v</i></span>'
     )
+    rises = "c / b, at least 1/2: loops of every size rise with the pull"
     ratio = (
-        "c / b, at least 1/2: loops of every size rise with the pull"
-        if model.monotone()
-        else "c / b, below 1/2: large loops do not rise with the pull everywhere"
+        rises if model.monotone() else "c / b, below 1/2: large loops do not rise with the pull everywhere"
     )
-    values = (
-        ("a [1 / mm]", f"{a:.4g}"),
-        ("b [deg / mm]", f"{b:.4g}"),
-        ("c [deg / mm]", f"{c:.4g}"),
-        (ratio, f"{c / b:.2f}"),
-    )
+    named = {"a [1 / mm]": a, "b [deg / mm]": b, "c [deg / mm]": c}
+    values = [*((name, f"{value:.4g}") for name, value in named.items()), (ratio, f"{c / b:.2f}")]
     return [
         html.text(Markup("{}, with δ<i>l</i> the pull and <i>v</i> its speed.").format(Markup(equation))),
         html.facts({"Identified model": values}),
@@ -212,11 +212,6 @@ def _schemes() -> list[Markup]:
     ]
 
 
-def _results(path: Path) -> Sequence[Markup]:
-    scores, contents = read_evaluation(path)
-    return result_parts(scores, rankings_of(contents))
-
-
 def agent_names() -> dict[str, str]:
     """Return the names of the methods that can be trained, by the folder of their run."""
     return {spec.training.agent: spec.name for spec in method_specs() if spec.training}
@@ -240,7 +235,7 @@ def _commands_run(folder: Path) -> list[str]:
 
 def _run_facts(folder: Path) -> dict[str, html.Facts]:
     sources: dict[str, tuple[str, Callable[[Path], Any]]] = {
-        "Run": ("demo.json", _without_commands),
+        "Run": ("demo.json", lambda path: {**read_json(path, MOST_TEXT), "commands": {}}),
         "Training records": ("data/train/dataset.json", _recipe),
         "Test records": ("data/test/dataset.json", _recipe),
         "Identified Coleman-Hodgdon model": ("coleman_hodgdon.json", lambda path: read_json(path, MOST_TEXT)),
@@ -253,10 +248,6 @@ def _run_facts(folder: Path) -> dict[str, html.Facts]:
         with contextlib.suppress(*_FAULTS):  # a damaged file is reported by the part that needs it
             stated[title] = html.flat_facts(read(folder / name))
     return {title: entries for title, entries in stated.items() if entries}
-
-
-def _without_commands(path: Path) -> dict[str, Any]:
-    return {name: value for name, value in read_json(path, MOST_TEXT).items() if name != "commands"}
 
 
 def _recipe(path: Path) -> dict[str, Any]:

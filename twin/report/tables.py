@@ -85,10 +85,7 @@ def has_limit(scores: Sequence[Score]) -> bool:
 def times_the_limit(
     scores: Sequence[Score], times: Sequence[float], groups: Sequence[Group]
 ) -> dict[str, float]:
-    """Return each method's RMSE over that of the limit, the nearest to it first.
-
-    Ratios are geometric means over noises, then over sample times [s] and groups.
-    """
+    """Return each method's RMSE over that of the limit, the nearest to it first."""
     ratios: dict[str, list[float]] = {}
     for T in times:
         for group in groups:
@@ -239,10 +236,7 @@ def comparison_tables(
     rankings: Sequence[Ranking] = (),
     costs: Mapping[str, Cost] = MappingProxyType({}),
 ) -> str:
-    """Return a comparison in Markdown, of all sample times, strokes and twins.
-
-    Posterior Cramer-Rao bounds, and intervals of set-membership filters, are as in `evaluation.json`.
-    """
+    """Return a comparison in Markdown, of all sample times, strokes and twins."""
     times = sorted({score.sample_time_s for score in scores}, reverse=True)
     longest, first = times[0], groups_of(scores)[0]
     trainings = training_table(scores, "markdown")

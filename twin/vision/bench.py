@@ -42,10 +42,7 @@ def marker_corners(side: float) -> Array:
 
 
 def marker_plates(preset: Preset, rig: StereoRig) -> list[Plate]:
-    """Return the plates of the markers of a rig's method, in front of the shaft and of the tip.
-
-    In a straight endoscope both look alike: rows along the shaft, columns towards wire b.
-    """
+    """Return the plates of the markers of a rig's method, in front of the shaft and of the tip."""
     link = preset.section_length / preset.vertebrae
     side = marker_side(preset, rig)
     size = side * (_MODULES + 2 * _MARGIN) / _MODULES
@@ -173,10 +170,7 @@ class Bench:
 
 
 def instants(rig: StereoRig, speed: float) -> Array:
-    """Return the instants (n,) at which a scene is drawn for one picture, relative to its time [s].
-
-    At a speed [pixels / s], nothing moves by more than a pixel between two of them.
-    """
+    """Return the instants (n,) at which a scene is drawn for one picture, relative to its time [s]."""
     span = rig.exposure_s + rig.rolling_shutter_s
     moved = speed * span
     count = 1 if moved < _STILL_PX else min(int(np.ceil(moved)) + 1, MOST_INSTANTS)

@@ -58,10 +58,7 @@ def mean_rotation(rotations: list[Array]) -> Array:
 
 
 class MarkerFinder:
-    """Finder of the markers in pairs of pictures, and of their poses in the axes of the left camera.
-
-    A marker that one camera does not see completely, or that is not square enough, is not found.
-    """
+    """Finder of the markers in pairs of pictures, and of their poses in the axes of the left camera."""
 
     def __init__(self, calibration: StereoCalibration, side: float) -> None:
         """Make the detector; `side` is that of a marker's black border [m]."""

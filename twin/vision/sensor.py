@@ -83,10 +83,7 @@ class StereoSensor:
     def pictures(
         self, episode: Episode, seed: np.random.SeedSequence, frames_per_second: float | None = None
     ) -> Iterator[tuple[int, Pair]]:
-        """Yield samples and their pairs of pictures; a picture does not depend on which others are taken.
-
-        The rate is that of the rig, if not given [1 / s].
-        """
+        """Yield samples and their pairs of pictures; a picture does not depend on which others are taken."""
         motion, bench = Motion(episode, self._preset), self._bench
         taken = frame_samples(episode.time, self.rig.frames_per_second)
         if frames_per_second is not None:
@@ -164,10 +161,7 @@ def calibration_messages(calibration: StereoCalibration, nanoseconds: int) -> It
 def picture_messages(
     sensor: StereoSensor, episode: Episode, seed: np.random.SeedSequence, nanoseconds: list[int]
 ) -> Iterator[tuple[str, Any, int]]:
-    """Yield topic, message and time of each recorded picture, at N times of samples [ns].
-
-    With the seed of the measurement, the pictures are those that were measured.
-    """
+    """Yield topic, message and time of each recorded picture, at N times of samples [ns]."""
     if sensor.rig.pictures_per_second == 0:
         return
     for sample, pair in sensor.pictures(episode, seed, sensor.rig.pictures_per_second):
