@@ -69,7 +69,8 @@ def make_episodes(recipe: Recipe, keys: Sequence[EpisodeKey]) -> list[Episode | 
 def diverged(recipe: Recipe, key: EpisodeKey) -> str:
     """Return the error message for an episode whose simulation diverged."""
     what = "narrow the ranges" if recipe.ranges else "lower time_step or the stiffness of the wires"
-    return f"episode {key.number} of seed {key.seed}: {recipe.preset.name!r} diverged: {what}"
+    of = f"episode {key.number} of seed {key.seed}: the simulation of {recipe.preset.name!r}"
+    return f"{of} diverged: {what}"
 
 
 def stereo_seed(key: EpisodeKey) -> np.random.SeedSequence:
