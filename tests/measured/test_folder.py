@@ -79,3 +79,11 @@ def test_a_name_that_is_no_file_name_is_refused(tmp_path, name):
     episode = read_measured_log(write(tmp_path, LOOP))
     with pytest.raises(ValueError, match="name = "):
         write_measured(tmp_path, name, episode)
+
+
+def test_a_simulated_dataset_is_left_alone(tmp_path, dataset_copy):
+    episode = read_measured_log(write(tmp_path, LOOP))
+    before = {path.name: path.read_bytes() for path in dataset_copy.iterdir()}
+    with pytest.raises(ValueError, match=r"dataset\.json that no import wrote: choose another `folder`"):
+        write_measured(dataset_copy, "log", episode)
+    assert {path.name: path.read_bytes() for path in dataset_copy.iterdir()} == before

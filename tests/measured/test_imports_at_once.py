@@ -104,3 +104,18 @@ def test_an_import_that_was_killed_can_be_run_again(tmp_path, kills):
         _, said = (again := start(log, folder)).communicate(timeout=120)
         assert again.returncode == 0, said
         assert same_files(folder, undisturbed)
+
+
+def test_what_was_renamed_or_linked_is_not_taken_up(tmp_path, monkeypatch):
+    one = read_measured_log(write(tmp_path, LOOP, "one.csv"))
+    path = leave_unlisted(monkeypatch, tmp_path, "log", one)
+    renamed = path.rename(tmp_path / "other.mcap")
+    with pytest.raises(ValueError, match=r"other\.mcap, which no import wrote"):
+        write_measured(tmp_path, "log", one)
+    path.symlink_to(renamed.rename(tmp_path / "kept"))
+    with pytest.raises(ValueError, match=r"log\.mcap, which no import wrote"):
+        write_measured(tmp_path, "log", one)
+    path.unlink()
+    (tmp_path / "dataset.json").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(ValueError, match=r"dataset\.json is a link"):
+        write_measured(tmp_path, "log", one)

@@ -1,5 +1,6 @@
 """Windows cut from longer records: each is an episode of its own, and all of a file come and go together."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -102,3 +103,18 @@ def test_a_file_that_is_read_again_in_another_way_leaves_nothing_of_the_first(tm
     write_measured(folder, "cut", read_measured_log(csv))
     assert {*held(folder)} == kept | {"cut.mcap"}
     assert verify(folder) == ([], 5)
+
+
+def test_windows_take_the_place_of_no_other_file_and_are_written_all_or_none(tmp_path):
+    logs = read_windows(write(tmp_path, CUT), "window")
+    folder = tmp_path / "out"
+    folder.mkdir()
+    late = dataclasses.replace(logs[2], time=logs[2].time * 1e-12)
+    with pytest.raises(ValueError, match="less than 1 ns"):
+        write_windows(folder, "cut", [*logs[:2], late])
+    assert held(folder) == []
+    write_measured(folder, "cut_window_0002", read_measured_log(write(tmp_path, steps(), "other.csv")))
+    before = held(folder)
+    with pytest.raises(ValueError, match=r"cut_window_0002\.mcap is the log of another CSV file"):
+        write_windows(folder, "cut", logs)
+    assert held(folder) == before

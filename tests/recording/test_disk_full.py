@@ -8,6 +8,7 @@ import pytest
 from recorded import make_episode
 from repository import endotwin
 
+from twin.files.atomic import write_whole
 from twin.recording import read_episode, write_episode
 
 EPISODES = 12
@@ -60,3 +61,14 @@ def test_full_disk_leaves_no_part_of_an_episode(small_disk, tmp_path):
     assert os.listdir(disk) == []
     small_disk(4096)
     assert len(read_episode(write_episode(disk / "a.mcap", episode)).time) == 2000
+
+
+def test_full_disk_leaves_the_file_that_was_there(small_disk):
+    disk = small_disk(64)
+    path = disk / "a.txt"
+    write_whole(path, "before")
+    with pytest.raises(OSError, match="No space left") as caught:
+        write_whole(path, b"x" * 200_000)
+    assert caught.value.filename == str(path)
+    assert path.read_text() == "before"
+    assert os.listdir(disk) == ["a.txt"]

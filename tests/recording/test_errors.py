@@ -4,18 +4,20 @@ import dataclasses
 import io
 from pathlib import Path
 
+import mutated
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from mutated import MAGIC
 from recorded import assert_equal, make_episode
 
 from twin.episode import Episode
 from twin.errors import InputError
+from twin.recording import EpisodeWriter, read_dataset, read_episode, read_metadata, write_csv, write_episode
 from twin.recording import endotwin_pb2 as schema
-from twin.recording import read_dataset, read_episode, write_csv, write_episode
 from twin.recording.messages import SCHEMAS, required_topics
 from twin.recording.reader import HINT, TOPICS
 
@@ -178,3 +180,69 @@ def test_missing_files_are_named(tmp_path):
         read_dataset(tmp_path)
     with pytest.raises(FileNotFoundError, match="no folder"):
         write_episode(tmp_path / "nothing" / "a.mcap", make_episode())
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    flips=st.lists(
+        st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255)), min_size=2, max_size=20
+    ),
+    tail=st.binary(max_size=40),
+)
+def test_any_bytes_give_an_episode_or_a_value_error(folder, whole, flips, tail):
+    damaged = bytearray(whole)
+    for place, value in flips:
+        damaged[int(place * len(whole))] = value
+    path = folder / "fuzz.mcap"
+    for content in (bytes(damaged), MAGIC + tail + MAGIC, tail, whole + tail + MAGIC):
+        path.write_bytes(content)
+        try:
+            assert isinstance(read_episode(path), Episode)
+        except ValueError:
+            fault_of(path)
+
+
+def test_topic_of_another_schema_is_refused(tmp_path):
+    path = tmp_path / "a.mcap"
+    with EpisodeWriter(path) as writer:
+        writer.add_message("/command", schema.Measurement(measured_deg=1.0), 0)
+        writer.write(make_episode())
+    assert "topic /command has 'protobuf' messages of schema endotwin.Measurement" in fault_of(path)
+
+
+def test_record_longer_than_the_file_is_cut_off(tmp_path):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(MAGIC + b"\x01" + (2**31).to_bytes(8, "little") + bytes(8) + MAGIC)
+    assert fault_of(path).startswith("is cut off: a record claims ")
+
+
+@pytest.mark.parametrize(
+    ("inserted", "fault"),
+    [
+        (mutated.chunk(bytes(8)), "error: unpack"),
+        (mutated.chunk(mutated.record(200, b"12")[:-1]), "a record claims 2 bytes: 1 are left"),
+        (mutated.chunk(mutated.message(99, 0, b"")), "a message is on channel 99, which is not described"),
+        (mutated.described(1, "/other") + mutated.described(1, "/more"), "channel 1 is described twice"),
+        (mutated.described(99, "/other")[:-1] + b"\1", "is cut off: a record claims"),
+    ],
+)
+def test_records_that_do_not_belong_together_are_named(tmp_path, whole, inserted, fault):
+    header, *parts = mutated.records(whole)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(mutated.without_crcs(MAGIC + b"".join([header, inserted, *parts])))
+    for function in (read_episode, read_metadata):
+        with pytest.raises(ValueError, match=fault) as caught:
+            function(path)
+        assert str(caught.value).startswith(f"{path} is ")
+
+
+def test_metadata_of_a_damaged_file_is_not_read(tmp_path, whole):
+    path = tmp_path / "a.mcap"
+    for place in range(0, whole.rindex(bytes([15, 4, 0, 0, 0, 0, 0, 0, 0])), 97):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        texts = []
+        for function in (read_metadata, read_episode):
+            with pytest.raises(ValueError, match="mcap") as caught:
+                function(path)
+            texts.append(str(caught.value))
+        assert texts[0] == texts[1]

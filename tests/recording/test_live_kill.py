@@ -15,9 +15,9 @@ from mcap.exceptions import EndOfFile
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
-from repository import ENVIRONMENT
+from repository import ENVIRONMENT, endotwin
 
-from twin.recording import recover_episode
+from twin.recording import read_episode, recover_episode
 
 LONGEST_LOSS_S = 1.0
 BUSY_S = 2.0  # by which a machine with more to do than cores may be late
@@ -81,3 +81,19 @@ def test_killed_recording_is_whole_but_for_its_last_second(tmp_path, kills):
         assert recovered.episode.is_measured
     print(f"{kills} kills: {np.median(losses):.2f} s lost, {max(losses):.2f} s at most")
     assert max(losses) < LONGEST_LOSS_S + BUSY_S
+
+
+def test_what_a_kill_left_is_exported_and_kept_by_the_next_recording(tmp_path):
+    path = tmp_path / "a.mcap"
+    killed(path, seconds=1.5)
+    left = (tmp_path / "a.mcap.partial").read_bytes()
+    with pytest.raises(ValueError, match=r"a\.mcap\.partial is cut off: .*recover_episode"):
+        read_episode(tmp_path / "a.mcap.partial")
+    live_streams.record(path, live_streams.good_samples(100))
+    assert len(read_episode(path).time) == 100
+    assert (tmp_path / "a.mcap.partial").read_bytes() == left
+    words = ["export", "a.mcap.partial", "--recover", "--format", "mcap", "--out", "saved"]
+    done = endotwin(*words, cwd=tmp_path, timeout=100)
+    assert done.returncode == 0, done.stderr
+    saved = read_episode(tmp_path / "saved" / "a.mcap")
+    assert len(saved.time) == recover_episode(tmp_path / "a.mcap.partial").samples > 50

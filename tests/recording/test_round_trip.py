@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from recorded import assert_equal, make_episode
 
 from twin.episode import OPTIONAL
-from twin.recording import read_dataset, read_episode, write_episode
+from twin.recording import EpisodeWriter, read_dataset, read_episode, write_episode
 from twin.recording.facts import EpisodeFacts
 
 
@@ -151,4 +151,17 @@ def test_exception_leaves_the_file_of_before(tmp_path):
 def test_episode_that_does_not_fit_is_refused(tmp_path, planes, changes, fault):
     with pytest.raises(ValueError, match=fault):
         write_episode(tmp_path / "a.mcap", dataclasses.replace(make_episode(planes=planes), **changes))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_exception_leaves_nothing(tmp_path, error):
+    def fail_half_way() -> None:
+        with EpisodeWriter(tmp_path / "a.mcap") as writer:
+            writer.write(make_episode())
+            assert not (tmp_path / "a.mcap").exists()
+            raise error
+
+    with pytest.raises(error):
+        fail_half_way()
     assert list(tmp_path.iterdir()) == []
