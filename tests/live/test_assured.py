@@ -273,3 +273,21 @@ def test_memory_is_flat_over_ten_million_samples():
             live.push(*sample)
         used.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
     assert used[-1] - used[10] < 2
+
+
+def test_silence_of_the_sensor_is_found():
+    live, pull, _, _ = begun()
+    alarms = [live.push(k * T, pull[k]).alarms for k in range(200, 230)]
+    assert Alarm.TIMEOUT in alarms[-1]
+    assert Alarm.TIMEOUT not in alarms[2]
+
+
+def test_what_is_no_number_is_refused_and_changes_nothing():
+    live = assured()
+    live.push(0.0, 3.0, 60.0)
+    before = live.reading
+    for _ in range(3):  # the number after it has not been seen either
+        with pytest.raises(ValueError, match="time_s = 'x': must be a number"):
+            live.push("x", 3.0, 60.5)
+    assert live.reading == before
+    assert Alarm.STUCK not in live.push(0.1, 3.0, 60.5).alarms

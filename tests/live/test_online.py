@@ -186,3 +186,10 @@ def test_step_to_a_state_that_is_not_sound_behind_its_angle_is_not_taken():
         assert is_sound(stream.state)
     assert stream.restarts == 1
     assert Health.RESTARTED in stream.health
+
+
+@pytest.mark.parametrize("far", [1.7e308, -200.1, 150.0, -3.0])
+def test_implausible_pull_is_held_and_flagged(far):
+    stream, other = begun(), begun()
+    assert stream.push(T, far, 61.0) == other.push(T, 3.0, 61.0)
+    assert stream.health == Health.IMPLAUSIBLE_PULL

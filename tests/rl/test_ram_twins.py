@@ -20,9 +20,12 @@ from small_twins import (
     small_records,
     small_source,
     small_step,
+    still_members,
     twins,
 )
 
+import rl.on_twins
+import rl.twins.run
 from rl.on_twins import train_ram_twins
 from rl.twins.graph import StepGraph, export_twins
 from rl.twins.learning import learn_interval
@@ -187,3 +190,44 @@ def test_a_foreign_checkpoint_is_left_alone(tmp_path):
     with pytest.raises(ValueError, match=r"checkpoint\.state"):
         train_ram_twins(*twins(), TINY, folder)
     assert (folder / "checkpoint.state").read_text() == "mine"
+
+
+def test_the_same_seed_trains_the_same_step(trained, tmp_path):
+    """File by file the same numbers, so that a published figure can be repeated."""
+    again = train_ram_twins(*twins(), TINY, tmp_path / "again")
+    drawn = small_source().draw(3, 25, generator(4))
+    pull = np.cumsum(drawn.inputs[1].numpy(), axis=0).T.astype(float)
+    estimates = [
+        load(path).estimate(pull, drawn.measurement_deg.numpy().T, 0.0) for path in (trained[0], again)
+    ]
+    np.testing.assert_allclose(*estimates, atol=1e-4)
+
+
+def test_a_checkpoint_of_other_members_is_not_taken_up(tmp_path, monkeypatch):
+    """Its weights learned on other twins; members are computed, and may differ with the libraries."""
+    settings = shorter(updates=4)
+
+    def simulate_records(preset, ranges, members, **named):
+        records = small_records()
+        still = members is still_members()
+        return records._replace(members_deg=records.members_deg[:, ::-1]) if still else records
+
+    monkeypatch.setattr(rl.twins.run, "simulate_records", simulate_records)
+
+    def stop(done, total, error):
+        if (tmp_path / "stopped" / "checkpoint.state").exists():
+            raise Stopped
+
+    def choose(members):
+        monkeypatch.setattr(rl.on_twins, "choose_members", lambda *given, **named: members)
+
+    choose(still_members())
+    with pytest.raises(Stopped):
+        train_ram_twins(*twins(), settings, tmp_path / "stopped", stop)
+    choose(small_members())
+    learned = []
+    for name in ("stopped", "new"):
+        graph = onnx.load(train_ram_twins(*twins(), settings, tmp_path / name)).graph
+        learned.append({part.name: onnx.numpy_helper.to_array(part) for part in graph.initializer})
+    for name, values in learned[1].items():
+        np.testing.assert_array_equal(learned[0][name], values, err_msg=name)

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from distributed import Client, LocalCluster
 from scores import simulated_record
 
 from rl.comparison.given import given_files
@@ -90,3 +91,21 @@ def test_seeds_that_are_out_of_range_are_refused(first, count, message):
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         seeds_from(first, count)
     assert list(seeds_from(2**32 - 3, 3)) == [2**32 - 3, 2**32 - 2, 2**32 - 1]
+
+
+def test_a_cluster_trains_the_same(material, alone, tmp_path):
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+        Client(cluster) as client,
+    ):
+        reported = []
+        paths = train_seeds(
+            material,
+            OPTIONS,
+            SEEDS,
+            tmp_path / "sweep",
+            client.get_executor(pure=False),
+            lambda *of: reported.append(of),
+        )
+    assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in alone]
+    assert [done for done, *_ in reported] in ([1000, 2000], [2000])
