@@ -47,6 +47,10 @@ _AXE_RUN = """
 """
 
 
+_OWN = ("data:", "blob:", "about:", "chrome:")
+"""Schemes of addresses that no network is asked for; the last is that of the browser's own pages."""
+
+
 class Browser:
     """A browser without a screen, in a folder of its own."""
 
@@ -94,7 +98,7 @@ class Browser:
             message = json.loads(entry["message"])["message"]
             if message["method"] == "Network.requestWillBeSent":
                 asked.append(message["params"]["request"]["url"])
-        return [address for address in asked if not address.startswith((served, "data:", "blob:", "about:"))]
+        return [address for address in asked if not address.startswith((served, *_OWN))]
 
 
 @contextlib.contextmanager
