@@ -7,8 +7,6 @@ import subprocess
 import sys
 import time
 
-import mujoco
-
 from scripts.benchmarks.harness import (
     SAMPLE_TIME,
     OnProgress,
@@ -19,31 +17,10 @@ from scripts.benchmarks.harness import (
     sinusoid,
 )
 from twin.physics import Endoscope, simulate, simulate_batch
+from twin.physics.plain_chain import run_plain_chain
 from twin.preset.preset import Preset
 
 PERIOD = 8.0
-
-
-def run_plain_chain(degrees: int, time_step: float, seconds: float) -> None:
-    """Simulate a chain of hinges with springs and damping: no wires, no friction, no contact."""
-    spec = mujoco.MjSpec()
-    spec.option.timestep = time_step
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    body = spec.worldbody
-    for _ in range(degrees):
-        body = body.add_body(pos=[0.0025, 0, 0])
-        body.add_joint(
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=[0, 1, 0],
-            stiffness=[0.4, 0, 0],
-            damping=[0.01, 0, 0],
-            armature=1e-6,
-        )
-        body.mass, body.ipos, body.inertia, body.explicitinertial = 1e-5, [0, 0, 0], [1e-10] * 3, True
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.qpos[:] = 0.05
-    mujoco.mj_step(model, data, round(seconds / time_step))
 
 
 @measurement("speed_one_core")
