@@ -17,7 +17,7 @@ through the filter, cut at the end of every window; bounded gains, clipped gradi
 losses that are no numbers.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from rl.export import export_step
 from rl.options import TrainingOptions
 from rl.policies import log_scale
-from rl.supervised import SequenceTraining, descend, tensor32, train_once
+from rl.supervised import Lesson, SequenceTraining, tensor32, train_network
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.knowledge import TrainingTask, stack_records
+from twin.estimation.knowledge import TrainingTask
 from twin.estimation.learned.methods import KALMAN_NET
 from twin.estimation.learned.step import LEAST_VARIANCE, affine_steps, check_affine
 from twin.signals.streams import SeedUse, random_stream
@@ -104,6 +104,10 @@ class KalmanNetStep(torch.nn.Module):
         after = torch.where(missing[:, None], hidden, after)
         return bend, error + correction[:, 1], measurement - bend, correction[:, 0], correction[:, 1], after
 
+    def export(self, description: dict[str, Any], path: Path) -> None:
+        """Write the deployed graph."""
+        export_step(self, dict.fromkeys(self.inputs, ()), self.state, description, path)
+
 
 def train_kalman_net(
     records: Records,
@@ -114,32 +118,15 @@ def train_kalman_net(
 ) -> Path:
     """Train into a folder and return the file; the active model gives model, sample time and R."""
     check_affine(active_model.model)
-    assert KALMAN_NET.training is not None
-    agent, path = KALMAN_NET.training.agent, folder / KALMAN_NET.training.file
 
-    def train() -> tuple[Sequence[tuple[int, float]], Callable[[dict[str, Any]], None]]:
+    def prepare(task: TrainingTask) -> Lesson:
         step = KalmanNetStep(training.hidden)
-        task = TrainingTask(
-            *stack_records(records), training.noise, training.noise_level, training.initial_error_deg
-        )
         losses = window_losses(step, task, active_model, training)
         samples = training.sequences * min(training.window, task.pull_mm.shape[1] - 1)
         unit = float(np.maximum(active_model.measurement_variance, LEAST_VARIANCE))
-        curve = descend(
-            step,
-            lambda: next(losses),
-            training.iterations,
-            training.learning_rate,
-            samples,
-            unit,
-            on_progress,
-        )
-        inputs: dict[str, tuple[int, ...]] = dict.fromkeys(step.inputs, ())
-        return curve, lambda described: export_step(
-            step, inputs, step.state, {"agent": agent, **described}, path
-        )
+        return Lesson(step, lambda: next(losses), samples, unit, step.export)
 
-    return train_once(path, records, active_model, training, train)
+    return train_network(KALMAN_NET, prepare, records, active_model, training, folder, on_progress)
 
 
 def window_losses(

@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 
 from rl.export import export_step
 from rl.options import TrainingOptions
-from rl.supervised import SequenceTraining, descend, tensor32, train_once
+from rl.supervised import Lesson, SequenceTraining, tensor32, train_network
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.knowledge import TrainingTask, stack_records
+from twin.estimation.knowledge import TrainingTask
 from twin.estimation.learned.methods import GRU, LSTM
 from twin.estimation.learned.step import LEAST_VARIANCE, affine_steps, check_affine
 from twin.estimation.registry import MethodSpec
@@ -169,7 +169,8 @@ def train_lstm(
 ) -> Path:
     """Train the LSTM into a folder and return its file; the active model gives the sample time alone."""
 
-    def prepare(task: TrainingTask, rng: np.random.Generator) -> tuple[SequenceNetwork, Callable[[], Tensor]]:
+    def prepare(task: TrainingTask) -> Lesson:
+        rng = random_stream(training.seed, SeedUse.NETWORK)
         network = SequenceNetwork(torch.nn.LSTM, training.hidden)
         _, measurement, _ = task.draw(256, rng)
         network.input_scale[0] = float(np.diff(task.pull_mm, axis=1).std())
@@ -190,9 +191,9 @@ def train_lstm(
             square: Tensor = (predicted - noise)[WARM_UP:] ** 2
             return square.mean()
 
-        return network, loss
+        return _lesson(network, LstmStep, loss, training, task, 1.0)
 
-    return _train(LSTM, LstmStep, prepare, 1.0, records, active_model, training, folder, on_progress)
+    return train_network(LSTM, prepare, records, active_model, training, folder, on_progress)
 
 
 def train_gru(
@@ -206,7 +207,8 @@ def train_gru(
     check_affine(active_model.model)
     unit = float(np.sqrt(np.maximum(active_model.measurement_variance, LEAST_VARIANCE)))
 
-    def prepare(task: TrainingTask, rng: np.random.Generator) -> tuple[SequenceNetwork, Callable[[], Tensor]]:
+    def prepare(task: TrainingTask) -> Lesson:
+        rng = random_stream(training.seed, SeedUse.NETWORK)
         network = SequenceNetwork(torch.nn.GRU, training.hidden)
         increments = np.diff(task.pull_mm, axis=1, prepend=task.pull_mm[:, :1])
         network.input_scale[1] = float(increments[:, 1:].std())
@@ -227,36 +229,21 @@ def train_gru(
             square: Tensor = (network(tensor32(seen)) - noise) ** 2
             return square.mean()
 
-        return network, loss
+        return _lesson(network, GruStep, loss, training, task, unit**2)
 
-    return _train(GRU, GruStep, prepare, unit**2, records, active_model, training, folder, on_progress)
+    return train_network(GRU, prepare, records, active_model, training, folder, on_progress)
 
 
-def _train(
-    spec: MethodSpec,
+def _lesson(
+    network: SequenceNetwork,
     step: type[RecurrentStep],
-    prepare: Callable[[TrainingTask, np.random.Generator], tuple[SequenceNetwork, Callable[[], Tensor]]],
-    unit_deg2: float,
-    records: Records,
-    active_model: ActiveModel,
+    loss: Callable[[], Tensor],
     training: SequenceTraining,
-    folder: Path,
-    on_progress: OnProgress | None,
-) -> Path:
-    assert spec.training is not None
-    agent, path = spec.training.agent, folder / spec.training.file
-
-    def train() -> tuple[Sequence[tuple[int, float]], Callable[[dict[str, Any]], None]]:
-        rng = random_stream(training.seed, SeedUse.NETWORK)
-        task = TrainingTask(*stack_records(records), training.noise, training.noise_level)
-        network, loss = prepare(task, rng)
-        samples = training.sequences * min(training.window, task.pull_mm.shape[1])
-        curve = descend(
-            network, loss, training.iterations, training.learning_rate, samples, unit_deg2, on_progress
-        )
-        return curve, lambda described: step(network).export({"agent": agent, **described}, path)
-
-    return train_once(path, records, active_model, training, train)
+    task: TrainingTask,
+    unit_deg2: float,
+) -> Lesson:
+    samples = training.sequences * min(training.window, task.pull_mm.shape[1])
+    return Lesson(network, loss, samples, unit_deg2, lambda *written: step(network).export(*written))
 
 
 def _register(spec: MethodSpec, train: Callable[..., Path]) -> None:

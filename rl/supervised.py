@@ -4,9 +4,9 @@ A run in one folder, descent by Adam (Kingma and Ba 2015).
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -17,6 +17,8 @@ from rl.run import run_configuration, with_deployment, write_curve
 from rl.trainers import OnProgress, Records
 from twin.errors import DivergedError
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.knowledge import TrainingTask, stack_records
+from twin.estimation.registry import MethodSpec
 from twin.files.run_folder import counted_cost, open_run
 
 Array = NDArray[np.float64]
@@ -61,64 +63,71 @@ class SequenceTraining:
         )
 
 
-def train_once(
-    path: Path,
+class Lesson(NamedTuple):
+    """What a method brings to its training.
+
+    Attributes:
+        network: the module that learns.
+        loss: draws data and returns the mean square error.
+        samples: in one loss.
+        unit_deg2: what a loss of one is [deg^2].
+        export: writes the trained file with its description.
+    """
+
+    network: torch.nn.Module
+    loss: Callable[[], torch.Tensor]
+    samples: int
+    unit_deg2: float
+    export: Callable[[dict[str, Any], Path], None]
+
+
+def train_network(
+    spec: MethodSpec,
+    prepare: Callable[[TrainingTask], Lesson],
     records: Records,
     active_model: ActiveModel,
-    training: Any,
-    train: Callable[[], tuple[Sequence[tuple[int, float]], Callable[[dict[str, Any]], None]]],
+    training: SequenceTraining,
+    folder: Path,
+    on_progress: OnProgress | None = None,
 ) -> Path:
-    """Train into the folder of a file (`config.yaml`, `progress.csv` and the file), unless it is there.
+    """Train a method into a folder (`config.yaml`, `progress.csv` and its file), unless the file is there.
 
-    Args:
-        path: the file, which is there when the run is finished.
-        records: of the training set.
-        active_model: the filter or model that is learned with.
-        training: a dataclass of settings; its `seed` is that of the weights.
-        train: returns the mean reward [deg^2] after so many samples, and a function that writes the file with
-            its description.
+    The weights that `prepare` draws depend on the seed alone.
     """
+    assert spec.training is not None
+    path = folder / spec.training.file
     configuration = run_configuration(records, active_model, training)
-    with open_run(path.parent, configuration, (path.name,)):
+    with open_run(folder, configuration, (path.name,)):
         if not path.is_file():
             torch.set_num_threads(1)  # the networks are small
             torch.manual_seed(training.seed)
-            with counted_cost(path.parent):
-                curve, export = train()
-            write_curve(path.parent, curve)
+            with counted_cost(folder):
+                pull, bend = stack_records(records)
+                noise, level = training.noise, training.noise_level
+                task = TrainingTask(pull, bend, noise, level, training.initial_error_deg)
+                lesson = prepare(task)
+                curve = _descend(lesson, training, on_progress)
+            write_curve(folder, curve)
             # The last: where the file is, the run is finished.
-            export(with_deployment(configuration, records, active_model, training.seed))
+            deployed = with_deployment(configuration, records, active_model, training.seed)
+            lesson.export({"agent": spec.training.agent, **deployed}, path)
     return path
 
 
-def descend(
-    network: torch.nn.Module,
-    loss: Callable[[], torch.Tensor],
-    iterations: int,
-    learning_rate: float,
-    samples: int,
-    loss_unit_deg2: float = 1.0,
-    on_progress: OnProgress | None = None,
+def _descend(
+    lesson: Lesson, training: SequenceTraining, on_progress: OnProgress | None
 ) -> list[tuple[int, float]]:
     """Take gradient steps on fresh losses; the learning rate falls to zero along a cosine.
 
-    Args:
-        network: its parameters are changed in place.
-        loss: draws data and returns the mean square error.
-        iterations: steps.
-        learning_rate: at the start.
-        samples: in one loss.
-        loss_unit_deg2: what a loss of one is [deg^2].
-        on_progress: called with iterations done, iterations in all and minus the latest loss [deg^2].
-
-    Returns:
-        Minus mean square error [deg^2] after so many samples, step by step.
+    Returns minus the mean square error [deg^2] after so many samples, step by step; progress is called with
+    steps done, steps in all and the latest.
     """
-    optimiser = torch.optim.Adam(network.parameters(), lr=learning_rate)
+    network, iterations = lesson.network, training.iterations
+    optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, iterations)
     curve = []
     for iteration in range(1, iterations + 1):
-        value = loss()
+        value = lesson.loss()
         if not torch.isfinite(value):
             raise DivergedError(f"the training has diverged: the loss of step {iteration} is no number")
         optimiser.zero_grad()
@@ -126,7 +135,7 @@ def descend(
         torch.nn.utils.clip_grad_norm_(network.parameters(), GRADIENT_LIMIT)
         optimiser.step()
         schedule.step()
-        curve.append((iteration * samples, -value.item() * loss_unit_deg2))
+        curve.append((iteration * lesson.samples, -value.item() * lesson.unit_deg2))
         if on_progress:
             on_progress(iteration, iterations, curve[-1][1])
     return curve
