@@ -103,7 +103,7 @@ class MemoryStep(FilterStep):
             parts: (2,) 1 or 0: whether the policy is on, and whether its output for b is used.
             state: after the sample before.
         """
-        acts, hears = parts.split(1)
+        policy_on, bias_on = parts.split(1)
         root, T = torch.sqrt(variance), sample_time
         theta, error = (of[:, 0] for of in state.mean.split(1, dim=1))
         p, cross, of_f = (of[:, 0] for of in state.covariance.split(1, dim=1))
@@ -125,7 +125,7 @@ class MemoryStep(FilterStep):
         known = torch.cat([hidden, features], dim=1)
         output = self.output(known)
         action, of_bias, of_doubt = output.split([len(REACH), 1, 1], dim=1)
-        action = action * acts
+        action = action * policy_on
         on_gain, on_noise, on_growth = (of[:, 0] for of in (torch.tanh(action) * self.reach).split(1, dim=1))
         bias = LARGEST_BIAS * torch.tanh(of_bias[:, 0] / LARGEST_BIAS)
         bias_variance = torch.exp(4 * torch.tanh(of_doubt[:, 0] / 2)) + 1e-4
@@ -147,7 +147,7 @@ class MemoryStep(FilterStep):
         last = state.innovation + seen * moved
         after = MemoryState(mean, covariance, hidden, last, state.samples + seen)
 
-        bend = predicted + step - hears * bias * root
+        bend = predicted + step - bias_on * bias * root
         deviation = torch.sqrt(covariance[:, 0].clamp(min=LEAST_VARIANCE) + bias_variance * variance)
         half_width = deviation * self.widen(known)
         return Output(bend, half_width, bias, bias_variance, action, deviation, known), after
