@@ -256,6 +256,11 @@ def _discard_stdout() -> None:
 
 def prepare_streams() -> None:
     """Open stdout and stderr where they are closed, and escape characters that they cannot show."""
+    with contextlib.suppress(OSError):
+        # A file that is opened later must not get the descriptor of a closed stream: messages would go there.
+        while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
+            pass
+        os.close(descriptor)
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
