@@ -11,7 +11,7 @@ import numpy as np
 from twin.dataset.card import CARD, FIGURE
 from twin.dataset.episodes import VERSIONS
 from twin.dataset.files import is_table, make_files
-from twin.dataset.recipe import EpisodeKey, of_each_episode
+from twin.dataset.recipe import EpisodeKey, Recipe, of_each_episode
 from twin.dataset.recipe_file import load_recipe, parse_recipe, resolve_alone
 from twin.dataset.write import describe
 from twin.episode import Episode
@@ -75,14 +75,17 @@ def verify(
     contents = read_contents(folder)
     files: tuple[Entry, ...] = contents.files
     faults: list[RuleFault] = []
-    made_from = _recipe_sha256(folder) if isinstance(contents, SimulatedDataset) else None
+    simulated = isinstance(contents, SimulatedDataset)
+    recipe = _read_recipe(folder / "recipe.yaml") if simulated else None
+    made_from = of_each_episode(recipe)[1] if isinstance(recipe, Recipe) else None
+    features = {name: to_json_values(feature) for name, feature in contents.features.items()}
     for done, file in enumerate(files, start=1):
-        faults += _wrong_file(folder, file, contents, made_from)
+        faults += _wrong_file(folder, file, contents, features, made_from)
         if on_progress:
             on_progress(done, len(files))
     faults += _faults("totals", _wrong_totals(folder / NAME, contents))
-    if isinstance(contents, SimulatedDataset):
-        faults += _faults("recipe", _wrong_recipe(folder, contents))
+    if isinstance(contents, SimulatedDataset) and recipe is not None:
+        faults += _faults("recipe", _wrong_recipe(folder, recipe, contents))
         absent = [name for name in (CARD, FIGURE) if not (folder / name).is_file()]
         faults += _faults("card", (f"{folder / name} is missing" for name in absent))
     names = {file.name for file in files}
@@ -94,8 +97,18 @@ def _faults(rule: str, lines: Iterable[str]) -> list[RuleFault]:
     return [RuleFault(rule, line) for line in lines]
 
 
-def _wrong_file(folder: Path, file: Entry, contents: Dataset, made_from: str | None) -> Iterator[RuleFault]:
-    """Yield the differences of a file to its entry in `dataset.json`."""
+def _read_recipe(path: Path) -> Recipe | str:
+    """Return the recipe of a dataset, or in one line why it cannot be read."""
+    try:
+        return load_recipe(path)
+    except (FileNotFoundError, ValueError) as error:
+        return str(error) if path.is_file() else f"{path} is missing"
+
+
+def _wrong_file(
+    folder: Path, file: Entry, contents: Dataset, features: Mapping[str, Any], made_from: str | None
+) -> Iterator[RuleFault]:
+    """Yield the differences of a file to its entry in `dataset.json` and to the features stated there."""
     path = folder / file.name
     if not path.is_file():
         yield RuleFault("files", f"{path} is missing")
@@ -122,8 +135,7 @@ def _wrong_file(folder: Path, file: Entry, contents: Dataset, made_from: str | N
     if abs(length(episode) - file.seconds) > LENGTH_TOLERANCE:
         lengths = f"{length(episode):g} s, dataset.json states {file.seconds:g} s"
         yield RuleFault("length", f"{path} lasts {lengths}")
-    stated = to_json_values(contents)["features"]
-    if describe_features(episode) != {name: stated.get(name) for name in stated if name in file.statistics}:
+    if describe_features(episode) != {name: of for name, of in features.items() if name in file.statistics}:
         yield RuleFault("quantities", f"{path} holds other quantities than dataset.json states")
     for fault in wrong_statistics(episode, to_json_values(file)["statistics"]):
         yield RuleFault("statistics", f"{path}: {fault}, by dataset.json")
@@ -132,24 +144,12 @@ def _wrong_file(folder: Path, file: Entry, contents: Dataset, made_from: str | N
     yield from _faults("origin", _wrong_origin(path, episode.metadata, file, contents))
 
 
-def _recipe_sha256(folder: Path) -> str | None:
-    """Return the SHA-256 of the folder's recipe as each episode states it; None if it cannot be read."""
-    try:
-        return of_each_episode(load_recipe(folder / "recipe.yaml"))[1]
-    except (FileNotFoundError, ValueError):
-        return None  # reported with the recipe
-
-
-def _wrong_recipe(folder: Path, contents: SimulatedDataset) -> Iterator[str]:
+def _wrong_recipe(folder: Path, recipe: Recipe | str, contents: SimulatedDataset) -> Iterator[str]:
     """Compare the recipe in the folder with that of `dataset.json`, and its episodes with the files."""
-    path = folder / "recipe.yaml"
-    try:
-        recipe = load_recipe(path)
-    except (FileNotFoundError, ValueError) as error:
-        yield str(error) if path.is_file() else f"{path} is missing"
-        return
-    if describe(recipe) != to_json_values(contents.recipe):
-        yield f"{path} is another recipe than dataset.json states"
+    if isinstance(recipe, str):
+        yield recipe
+    elif describe(recipe) != to_json_values(contents.recipe):
+        yield f"{folder / 'recipe.yaml'} is another recipe than dataset.json states"
     elif [recipe.file_name(key) for key in recipe.keys] != [file.name for file in contents.files]:
         yield f"{folder / NAME}: its files are not the episodes of the recipe"
 

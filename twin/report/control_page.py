@@ -14,12 +14,11 @@ from twin.control.controller import find_controllers
 from twin.control.results import ControlResult
 from twin.control.trial import HOLD_S, ControlTrial
 from twin.errors import InputError
-from twin.estimation.methods import Style
 from twin.files.bounded import MEBIBYTE
 from twin.files.json_text import read_json
 from twin.files.origin import stated_origin
 from twin.report import page as html
-from twin.report.figures import INK, clean_axes, line_of, log_ticks
+from twin.report.figures import INK, TRUTH, clean_axes, line_of, log_ticks
 from twin.report.page import figure
 
 LIMITS = (
@@ -41,7 +40,6 @@ FIGURES = {
 """Figures next to `control.json`, and what each shows."""
 
 Total = Mapping[str, Any]  # errors of a controller under a condition, as `control.json` holds them
-REFERENCE = Style("#000000", (0, (4, 2)), "", 1.2)
 
 
 def read_control_page(path: Path) -> html.Page:
@@ -170,7 +168,7 @@ def tracking_figure_of(shown: Mapping[str, ControlTrial], title: str) -> Figure:
         angle.plot(time, trial.truth_deg, **line)
         error.plot(time, trial.truth_deg - trial.reference_deg, **line)
         pull.plot(time, trial.pull_mm, **line)
-    angle.plot(time, wanted.reference_deg, **line_of(REFERENCE))
+    angle.plot(time, wanted.reference_deg, **line_of(TRUTH))
     error.axhline(0, color=INK, linewidth=0.6)
     for axes in grid:
         axes.axvline(0, color="#b8bec6", linewidth=0.7)
@@ -179,7 +177,7 @@ def tracking_figure_of(shown: Mapping[str, ControlTrial], title: str) -> Figure:
     error.set(ylabel="error [deg]")
     pull.set(ylabel="command [mm]", xlabel="time since the hold at the start [s]", xlim=time[[0, -1]])
     handles = [Line2D([], [], label=name, **_line(name)) for name in shown]
-    handles.append(Line2D([], [], label="reference", **line_of(REFERENCE)))
+    handles.append(Line2D([], [], label="reference", **line_of(TRUTH)))
     figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=8.5)
     return figure
 

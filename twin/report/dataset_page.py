@@ -8,7 +8,7 @@ from markupsafe import Markup
 from twin.dataset.card import FIGURE, varying
 from twin.dataset.recipe_file import load_recipe
 from twin.files.bounded import sha256_of
-from twin.files.dataset_json import Dataset, MeasuredDataset, SimulatedDataset, read_contents
+from twin.files.dataset_json import Dataset, MeasuredDataset, SimulatedDataset, read_contents, to_json_values
 from twin.recording import read_episode
 from twin.report import page as html
 from twin.report.page import text
@@ -100,7 +100,7 @@ def _facts(path: Path, contents: Dataset) -> dict[str, html.Facts]:
     }
     if not isinstance(contents, MeasuredDataset):
         groups["Versions"] = [*groups["Versions"], ("mujoco", contents.mujoco)]
-        recipe = contents.recipe.model_dump(mode="json", exclude_unset=True)
+        recipe = to_json_values(contents.recipe)
         preset = recipe.pop("preset")
         groups |= {"Recipe": html.flat_facts(recipe), "Preset, in SI units": html.flat_facts(preset)}
     return groups

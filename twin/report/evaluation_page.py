@@ -13,7 +13,7 @@ from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.paper import TABLES, PaperTable, noise_label
 from twin.evaluation.ranking import MethodRank, Ranking, competes, rankings_of
 from twin.evaluation.results import load_tracks
-from twin.evaluation.score import Score, mean_coverage, read_evaluation, read_scores
+from twin.evaluation.score import Score, mean_coverage, read_evaluation
 from twin.files.origin import stated_origin
 from twin.files.shown import cut
 from twin.report import figures, tables
@@ -37,14 +37,14 @@ EXPLAINED = (
 def evaluation_page(path: Path) -> html.Page:
     """Return the page of an `evaluation.json`, and of the tracks in its folder."""
     scores, contents = read_evaluation(path)
-    origin = stated_origin(contents)
+    origin, rankings = stated_origin(contents), rankings_of(contents)
     page = html.Page(
         "EndoTwin evaluation: how well is the bending angle estimated?", "Estimators under noise"
     )
-    page.add("Results", *result_parts(scores, rankings_of(contents)))
-    if groups := group_parts(scores, rankings_of(contents)):
+    page.add("Results", *result_parts(scores, rankings))
+    if groups := group_parts(scores, rankings):
         page.add("Every kind of record", *groups)
-    page.add("Tracking", *_tracking(path.with_name("tracks.npz")))
+    page.add("Tracking", *_tracking(path.with_name("tracks.npz"), scores))
     page.add(
         "What was run",
         html.facts({"Protocol": html.flat_facts(contents["protocol"]), **html.origin_facts(origin)}),
@@ -54,11 +54,11 @@ def evaluation_page(path: Path) -> html.Page:
     return page
 
 
-def _tracking(path: Path) -> Sequence[Markup]:
+def _tracking(path: Path, scores: Sequence[Score]) -> Sequence[Markup]:
     if not path.is_file():
         return [html.gap(f"There is no {path.name} with these results.")]
     try:
-        return tracking_parts(path)
+        return tracking_parts(path, scores)
     except InputError as error:
         return [html.gap(f"{path.name} cannot be shown: {cut(error, 300)}.")]
 
@@ -117,10 +117,8 @@ def group_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> li
     return parts
 
 
-def tracking_parts(path: Path) -> list[Markup]:
-    """Return the paper's Figs. 5 to 10 from a file of tracks, with the scores in its folder."""
-    evaluation = path.with_name("evaluation.json")
-    scores = read_scores(evaluation)[0] if evaluation.is_file() else []
+def tracking_parts(path: Path, scores: Sequence[Score]) -> list[Markup]:
+    """Return the paper's Figs. 5 to 10 from a file of tracks, with the scores of the comparison."""
     drawn = figures.paper_figures(load_tracks(path), scores)
     if not drawn:
         raise InputError("it has none of the noises and methods of the paper's figures")

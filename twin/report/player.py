@@ -99,7 +99,6 @@ HINGES = 16  # equal hinges of the arc of an endoscope whose own were not record
 SIZE = 360  # width and height of both drawings [SVG units]
 LEFT, RIGHT, TOP, BOTTOM = 52, 12, 12, 46  # margins of the loop [SVG units]
 _THICK = 26  # thickness of the endoscope [SVG units]
-_MINUS = "\N{MINUS SIGN}"
 _CONTROLS = """
 <div class="controls" hidden>
   <button type="button">Play</button>
@@ -175,7 +174,7 @@ def _axes(pull: Array, bend: Array) -> tuple[Array, Array, list[str]]:
         scaled.append(begin + scale * (values - low))
         for tick in MaxNLocator(5).tick_values(low, high):
             if low <= tick <= high:
-                at, label = begin + scale * (tick - low), f"{tick:g}".replace("-", _MINUS)
+                at, label = begin + scale * (tick - low), f"{tick:g}".replace("-", MINUS)
                 if axis == 0:
                     grid = f"M{at:.1f} {TOP}L{at:.1f} {SIZE - BOTTOM}"
                     lines.append(_label(at, SIZE - BOTTOM + 17, label, "middle"))

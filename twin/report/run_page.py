@@ -15,7 +15,7 @@ from twin.errors import InputError
 from twin.estimation.learned.methods import POLICY_FILE
 from twin.estimation.registry import method_specs, proposed_method, trainings
 from twin.evaluation.ranking import rankings_of
-from twin.evaluation.score import read_evaluation
+from twin.evaluation.score import Score, read_evaluation
 from twin.files.assets import assets_folder
 from twin.files.bounded import MEBIBYTE, read_limited, sha256_of
 from twin.files.dataset_json import NAME, MeasuredDataset, read_contents, to_json_values
@@ -81,11 +81,16 @@ def run_page(folder: Path) -> html.Page:
         functools.cache(functools.partial(read_dataset, folder / "data" / of)) for of in ("train", "test")
     )
     model = functools.cache(functools.partial(_coleman_hodgdon, folder / "coleman_hodgdon.json"))
+    evaluation = functools.cache(functools.partial(read_evaluation, folder / "results" / "evaluation.json"))
     shown = functools.partial(_shown, folder)
 
     def results(path: Path) -> Sequence[Markup]:
-        scores, contents = read_evaluation(path)
+        scores, contents = evaluation()
         return result_parts(scores, rankings_of(contents))
+
+    def tracking(path: Path) -> Sequence[Markup]:
+        there = path.with_name("evaluation.json").is_file()
+        return tracking_parts(path, evaluation()[0] if there else [])
 
     page = html.Page(
         "EndoTwin: a digital twin of a tendon-driven flexible endoscope",
@@ -108,9 +113,9 @@ def run_page(folder: Path) -> html.Page:
     )
     page.add("How RAM works", *_schemes())
     page.add("Results and the paper's", *shown("results/evaluation.json", results))
-    page.add("Tracking", *shown("results/tracks.npz", tracking_parts))
+    page.add("Tracking", *shown("results/tracks.npz", tracking))
     page.add("Training", *shown("runs", _curves))
-    stated = _run_facts(folder)
+    stated = _run_facts(folder, evaluation)
     page.add(
         "What was run",
         html.facts(stated) if stated else html.gap("No file of this run states how it was made."),
@@ -233,13 +238,15 @@ def _commands_run(folder: Path) -> list[str]:
     return [*made, "endotwin report . --out report.html"]
 
 
-def _run_facts(folder: Path) -> dict[str, html.Facts]:
+def _run_facts(
+    folder: Path, evaluation: Callable[[], tuple[list[Score], dict[str, Any]]]
+) -> dict[str, html.Facts]:
     sources: dict[str, tuple[str, Callable[[Path], Any]]] = {
         "Run": ("demo.json", lambda path: {**read_json(path, MOST_TEXT), "commands": {}}),
         "Training records": ("data/train/dataset.json", _recipe),
         "Test records": ("data/test/dataset.json", _recipe),
         "Identified Coleman-Hodgdon model": ("coleman_hodgdon.json", lambda path: read_json(path, MOST_TEXT)),
-        "Evaluation protocol": ("results/evaluation.json", lambda path: read_evaluation(path)[1]["protocol"]),
+        "Evaluation protocol": ("results/evaluation.json", lambda _: evaluation()[1]["protocol"]),
     }
     for name, agent in agent_names().items():
         sources[agent] = f"runs/{name}/config.yaml", lambda path: read_yaml(path, MOST_TEXT)
