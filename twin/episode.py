@@ -157,7 +157,7 @@ class Episode:
         """
         facts = self.metadata
         low, high = facts.get("stroke_mm") or np.round([self.pull_mm.min(), self.pull_mm.max()], 1) + 0.0
-        preset = "" if self.is_measured else self._preset()
+        preset = "" if self.is_measured else self.preset_name
         return Record(
             time=self.time,
             pull_mm=self.pull_mm,
@@ -169,14 +169,16 @@ class Episode:
             stroke_mm=(float(low), float(high)),
         )
 
-    def _preset(self) -> str:
+    @property
+    def preset_name(self) -> str:
+        """Name of the preset in the metadata; empty if they state none."""
         preset = self.metadata.get("preset")
         return str((preset.get("name") if isinstance(preset, Mapping) else preset) or "")
 
     def _origin(self) -> str:
         """Maker of the record, as far as its metadata state it."""
         facts = self.metadata
-        preset = self._preset()
+        preset = self.preset_name
         known = [f"{facts['name']!r}"] if facts.get("name") else []
         known += ["measured"] if self.is_measured else [f"of {preset}"] if preset else []
         known += [f"{name} {facts[name]}" for name in ("signal", "seed", "episode") if name in facts]

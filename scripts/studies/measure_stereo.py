@@ -19,8 +19,9 @@ from scripts.progress import Progress
 from twin.episode import Episode
 from twin.errors import require_extra
 from twin.preset.preset import Preset
+from twin.rendering.camera import frame_samples
 from twin.vision.rig import StereoRig
-from twin.vision.sensor import StereoSensor, frame_samples
+from twin.vision.sensor import StereoSensor
 
 Array = NDArray[np.float64]
 

@@ -240,12 +240,10 @@ class _Dataset:
 
 def _robot_and_task(episode: Episode) -> tuple[str, str]:
     """Return the name of the robot, and its task in words."""
-    facts = episode.metadata
-    preset = facts.get("preset")
-    robot = str(preset.get("name", "endoscope") if isinstance(preset, Mapping) else preset or "endoscope")
-    if facts.get("source") == "measured":
+    robot = episode.preset_name or "endoscope"
+    if episode.is_measured:
         return robot, f"bend the {robot} as in the measured log"
-    signal = facts.get("signal")
+    signal = episode.metadata.get("signal")
     return robot, f"bend the {robot} by a {signal} command" if signal else f"bend the {robot}"
 
 

@@ -35,8 +35,8 @@ def open_run(
 ) -> Iterator[bool]:
     """Context manager: a run folder of this configuration, in which no other process is at work.
 
-    Yields:
-        Whether it is such a shorter run.
+    Yields whether the folder holds a run with a checkpoint that differs only in a smaller number `grows`; it
+    stays that run until `write_configuration`.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with claim(folder):
@@ -109,7 +109,7 @@ def _flat(values: Any, name: str = "") -> dict[str, Any]:
 
 
 def _contents(path: Path) -> bytes:
-    """Return the start of a file, longer than any configuration; nothing of what is no file."""
+    """Return the start of a file, longer than any configuration; anything but a file is refused."""
     if not stat.S_ISREG(path.lstat().st_mode):
         raise InputError(f"{path} is no file: choose another `folder`")
     with path.open("rb") as file:

@@ -167,7 +167,7 @@ def read_columns(path: Path, names: Collection[str], what: str = "file") -> CsvT
     columns = next(rows, [])
     header_names = _checked_names(path, columns)
     places = {name: place for place, name in enumerate(header_names) if name in names}
-    growing = {name: _Growing(path, name, separator != ",") for name in places}
+    growing = {name: _Growing(separator != ",") for name in places}
     while batch := list(itertools.islice(rows, max(_CELLS_AT_ONCE // max(len(columns), 1), 1))):
         if len(ends) > MOST_ROWS + 1:
             line = ends[MOST_ROWS + 1]
@@ -289,8 +289,7 @@ def _checked_names(path: Path, header: list[str]) -> tuple[str, ...]:
 
 
 class _Growing:
-    def __init__(self, path: Path, name: str, may_have_commas: bool) -> None:
-        self.name = name
+    def __init__(self, may_have_commas: bool) -> None:
         self.decimals: dict[str, tuple[int, str]] = {}  # first number with a point, with a comma: its line
         self._commas = may_have_commas
         self._values: list[Array] = []

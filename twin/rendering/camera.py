@@ -5,6 +5,7 @@ import io
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.episode import Episode
 from twin.errors import InputError
@@ -41,6 +42,14 @@ class Camera:
             )
 
 
+def frame_samples(time: NDArray[np.float64], frames_per_second: float) -> list[int]:
+    """Return the samples of times (N,) [s] at which pictures are taken: the latest at each picture."""
+    since = time - time[0]
+    taken = np.arange(int(since[-1] * frames_per_second + 1e-9) + 1) / frames_per_second
+    samples: list[int] = np.unique(np.searchsorted(since, taken + 1e-9, side="right") - 1).tolist()
+    return samples
+
+
 def pictures(episode: Episode, camera: Camera) -> Iterator[tuple[int, bytes]]:
     """Yield the sample index of each picture and the picture as a JPEG file."""
     from PIL import Image
@@ -53,10 +62,7 @@ def pictures(episode: Episode, camera: Camera) -> Iterator[tuple[int, bytes]]:
     actor = Actor(episode, colours=TensionColours.of(episode))
     view = shot("side", [actor], camera.width / camera.height).view
     actor.open_canvas(camera.width, camera.height)
-    seconds = float(episode.time[-1] - episode.time[0])
-    taken = np.arange(int(seconds * camera.pictures_per_second + 1e-9) + 1) / camera.pictures_per_second
-    places = np.searchsorted(episode.time - episode.time[0], taken + 1e-9, side="right") - 1
-    for sample in np.unique(places).tolist():
+    for sample in frame_samples(episode.time, camera.pictures_per_second):
         buffer, layer = io.BytesIO(), actor.layer(sample, view(actor, sample))
         Image.fromarray(on_paper(layer, WHITE)).save(buffer, "JPEG", quality=QUALITY)
         yield sample, buffer.getvalue()

@@ -141,7 +141,7 @@ class Bench:
         return pictures[0], pictures[1]
 
     def stand(self, links: Frames, index: int) -> None:
-        """Place the endoscope in a pose, see `frames.link_frames`, without board and rod."""
+        """Place the endoscope in a pose, frames as of `link_frames`, without board and rod."""
         self._drawn.stand(links, index)
         self._drawn.place("rod", AWAY, np.eye(3))
 

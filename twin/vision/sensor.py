@@ -16,6 +16,7 @@ from twin.mechanics.kinematics import link_frames
 from twin.preset.preset import Preset
 from twin.recording.camera import STEREO_SIDES, calibration_message, picture_message, stereo_topics
 from twin.rendering.actor import shape_of
+from twin.rendering.camera import frame_samples
 from twin.vision.bench import Bench, Motion, Pair, Pass, draw_passes, marker_side
 from twin.vision.calibration import StereoCalibration, calibrate
 from twin.vision.markers import MarkerMeter
@@ -106,14 +107,6 @@ class StereoSensor:
 
 def _child(seed: np.random.SeedSequence, *key: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *key))
-
-
-def frame_samples(time: Array, frames_per_second: float) -> list[int]:
-    """Return the samples of times (N,) [s] at which pictures are taken: the latest at each picture."""
-    since = time - time[0]
-    taken = np.arange(int(since[-1] * frames_per_second + 1e-9) + 1) / frames_per_second
-    samples: list[int] = np.unique(np.searchsorted(since, taken + 1e-9, side="right") - 1).tolist()
-    return samples
 
 
 def sensor_before(episode: Episode, rig: StereoRig) -> StereoSensor:
