@@ -115,10 +115,11 @@ def test_twin_of_half_the_friction_does_not_reproduce_the_logs(untrained_twins):
 
 
 def test_bounds_hold_by_construction_and_on_hostile_inputs(untrained, paper_policy):
-    for material in (untrained, material_of(paper_policy)):
+    of_twins = {"output of the policy, in logarithms", "total gain"}
+    for material, bounded in ((untrained, of_twins), (material_of(paper_policy), {"action of the policy"})):
         proven, tried = identity.proven_bounds(material), identity.tried_bounds(material)
         assert (proven.holds, tried.holds) == (True, True), (proven, tried)
-        assert proven.rows
+        assert {row["what"] for row in proven.rows} == bounded
 
 
 def test_policy_without_bounds_is_refused(paper_policy, untrained_twins, tmp_path):

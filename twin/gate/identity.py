@@ -154,8 +154,8 @@ def proven_bounds(material: GateMaterial) -> Check:
 def bounds_by_construction(graph: Any) -> list[dict[str, Any]]:
     """Return the bounds that the operators of a graph set, by what they bound.
 
-    An action is bounded by a Clip with two ends, the output of a policy by its reach times a Tanh, and a gain
-    by a Sigmoid of (log of a ratio + output of the policy).
+    An action of PPO is bounded by a Clip to [-1, 1], the output of a policy by its reach times a Tanh, and a
+    gain by a Sigmoid of (log of a ratio + output of the policy).
     """
     from onnx import numpy_helper
 
@@ -176,8 +176,8 @@ def bounds_by_construction(graph: Any) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for node in graph.node:
         ends = [constants[name] for name in node.input[1:] if name in constants]
-        if node.op_type == "Clip" and len(ends) == 2:
-            rows.append(_bound("action of the policy", *map(float, ends)))
+        if node.op_type == "Clip" and [float(end) for end in ends] == [-1, 1]:
+            rows.append(_bound("action of the policy", -1.0, 1.0))
         elif node.op_type == "Mul" and REACH in node.input:
             reach = float(np.abs(constants[REACH]).max())
             bounded = any(made_by(name, "Tanh") for name in node.input)

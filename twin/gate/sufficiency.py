@@ -13,6 +13,7 @@ from twin.episode import Record, without_holes
 from twin.gate.check import TWIN, Check, declare, not_shown
 from twin.gate.evidence import OTHER_STREAMS, GateMaterial
 from twin.identification.models import identify_coleman_hodgdon
+from twin.identification.search import reverses
 from twin.reduced import simulate_batch
 
 Array = NDArray[np.float64]
@@ -49,7 +50,7 @@ def twin_of_logs(material: GateMaterial) -> Check:
             }
         )
         material.on_progress(0.7 * len(rows) / len(material.logs))
-    fitted = _fitted([log for log in material.logs if _reverses(log)], material)
+    fitted = _fitted([log for log in material.logs if reverses(log.pull_mm)], material)
     trials = material.on_logs
     squares = np.concatenate([trial.squares for trial in trials], axis=1).mean(axis=1)
     for row, square in zip(rows, squares.tolist(), strict=True):
@@ -104,11 +105,6 @@ def _error(log: Record, predicted: Array) -> Array:
     error = predicted - log.reference_deg
     error = error[np.isfinite(error)]
     return error - error.mean() if log.is_measured else error
-
-
-def _reverses(log: Record) -> bool:
-    steps = np.sign(np.diff(log.pull_mm))
-    return bool((steps > 0).any() and (steps < 0).any())
 
 
 def _fitted(logs: list[Record], material: GateMaterial) -> float:
