@@ -243,6 +243,8 @@ class _Run(BaseCallback):
 
     def _on_training_end(self) -> None:
         self._take_update()
+        if self.episodes:
+            self._add_row()
 
     def _take_update(self) -> None:
         logged = self.logger.name_to_value
@@ -253,15 +255,18 @@ class _Run(BaseCallback):
         self.actions.append(self.environment.actions)
         self.episodes += [info["episode"] for info in self.locals["infos"] if "episode" in info]
         if len(self.episodes) >= self.environment.num_envs:
-            reward = sum(of["r"] for of in self.episodes) / sum(of["l"] for of in self.episodes)
-            acted = np.concatenate(self.actions)
-            figures = np.stack([acted.mean(axis=0), acted.std(axis=0)], axis=1).ravel().tolist()
-            self.curve.append((self.num_timesteps, reward, *self.update, *figures))
-            self.episodes, self.actions = [], []
-            self.write()
+            self._add_row()
             if self.on_progress:
                 self.on_progress(min(self.num_timesteps, self.total - 1), self.total, self.latest)
         return True
+
+    def _add_row(self) -> None:
+        reward = sum(of["r"] for of in self.episodes) / sum(of["l"] for of in self.episodes)
+        acted = np.concatenate(self.actions)
+        figures = np.stack([acted.mean(axis=0), acted.std(axis=0)], axis=1).ravel().tolist()
+        self.curve.append((self.num_timesteps, reward, *self.update, *figures))
+        self.episodes, self.actions = [], []
+        self.write()
 
 
 for _method in (RAM, DIRECT):

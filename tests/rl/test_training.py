@@ -1,4 +1,5 @@
 import csv
+import dataclasses
 import re
 import tempfile
 from pathlib import Path
@@ -43,6 +44,11 @@ def test_run_folder_holds_policy_configuration_and_curve(run_folder):
     assert read_cost(run_folder) > 0
     samples = [count for count, _ in returns(run_folder)]
     assert samples == sorted(set(samples))
+
+
+def test_a_training_of_few_episodes_has_a_curve(records, active_model, tmp_path):
+    train_policy(records, active_model, dataclasses.replace(SHORT, episodes=4), tmp_path)
+    assert returns(tmp_path)
 
 
 def test_same_seed_gives_the_same_bytes_and_leaves_nothing_elsewhere(
