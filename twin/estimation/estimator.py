@@ -95,23 +95,26 @@ class Estimator(abc.ABC, Generic[State]):
             initial_bend_deg: scalar or (B,) initial estimate [deg].
         """
         pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
-        form: Any = self
+        form: Any = self.single() if measurement.shape[1] == 1 else self
         pulls: Any = pull
         measured: Any = measurement
         first: Any = initial
-        if measurement.shape[1] == 1 and self.single().plain:  # the same bits as on a stream
-            form, first = self.single(), float(initial[0])
-            pulls, measured = pull[:, 0].tolist(), measurement[:, 0].tolist()
+        if form is not self and form.plain:  # the same bits as on a stream
+            pulls, measured, first = pull[:, 0].tolist(), measurement[:, 0].tolist(), float(initial[0])
+        else:
+            form = self
         state = form.start(pulls[0], first)
-        bends = [first]
-        half_widths = [form.half_width_deg(state)] if form.states_interval else []
+        bend = np.empty_like(measurement)
+        bend[0] = first
+        half_width = np.empty_like(measurement) if form.states_interval else None
+        if half_width is not None:
+            half_width[0] = form.half_width_deg(state)
         for k in range(1, len(measurement)):
             state = form.step(state, pulls[k], pulls[k - 1], measured[k])
-            bends.append(form.bend_deg(state))
-            if half_widths:
-                half_widths.append(form.half_width_deg(state))
-        shape = measurement.shape
-        return np.reshape(bends, shape).T, np.reshape(half_widths, shape).T if half_widths else None
+            bend[k] = form.bend_deg(state)
+            if half_width is not None:
+                half_width[k] = form.half_width_deg(state)
+        return bend.T, None if half_width is None else half_width.T
 
 
 class SingleForm:
