@@ -191,7 +191,7 @@ def train_lstm(
             square: Tensor = (predicted - noise)[WARM_UP:] ** 2
             return square.mean()
 
-        return _lesson(network, LstmStep, loss, training, task, 1.0)
+        return _lesson(network, LstmStep, loss, training.sequences * window, 1.0)
 
     return train_network(LSTM, prepare, records, active_model, training, folder, on_progress)
 
@@ -229,7 +229,7 @@ def train_gru(
             square: Tensor = (network(tensor32(seen)) - noise) ** 2
             return square.mean()
 
-        return _lesson(network, GruStep, loss, training, task, unit**2)
+        return _lesson(network, GruStep, loss, training.sequences * window, unit**2)
 
     return train_network(GRU, prepare, records, active_model, training, folder, on_progress)
 
@@ -238,11 +238,9 @@ def _lesson(
     network: SequenceNetwork,
     step: type[RecurrentStep],
     loss: Callable[[], Tensor],
-    training: SequenceTraining,
-    task: TrainingTask,
+    samples: int,
     unit_deg2: float,
 ) -> Lesson:
-    samples = training.sequences * min(training.window, task.pull_mm.shape[1])
     return Lesson(network, loss, samples, unit_deg2, lambda *written: step(network).export(*written))
 
 

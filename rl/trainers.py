@@ -4,8 +4,6 @@ A new one is one new file in this package that calls `register_trainer`.
 """
 
 import dataclasses
-import importlib
-import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.registry import MethodSpec, find_training
+from twin.estimation.registry import MethodSpec, find_training, import_modules
 
 if TYPE_CHECKING:
     from rl.options import TrainingOptions
@@ -120,7 +118,6 @@ class Trainer:
 
 
 _TRAINERS: dict[str, Trainer] = {}
-_SEARCHED: list[str] = []
 
 
 def register_trainer(trainer: Trainer) -> Trainer:
@@ -143,10 +140,5 @@ def find_trainer(agent: str) -> Trainer:
 
 def all_trainers() -> dict[str, Trainer]:
     """Return the trainers of all agents."""
-    if not _SEARCHED:
-        package = importlib.import_module("rl")
-        for module in pkgutil.iter_modules(package.__path__, "rl."):
-            if not module.ispkg:  # comparisons need more than a training does
-                importlib.import_module(module.name)
-        _SEARCHED.append("rl")
+    import_modules("rl")  # without its packages: comparisons need more than a training does
     return _TRAINERS

@@ -359,6 +359,12 @@ def _with_gaps(time: Array, values: Array, grid: Array, reach: float) -> Array:
     return np.where(seen, np.interp(grid, time, values[known]), np.nan)
 
 
+def runs_of_true(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the first sample of each run of True in a mask (N,), and the one after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
+    return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
+
+
 def without_holes(time: Array, angle: Array) -> Array:
     """Return a measured angle (N,) with each NaN linear between its neighbours, level at the ends."""
     known = ~np.isnan(angle)

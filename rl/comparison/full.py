@@ -116,7 +116,7 @@ def _refuse_mistakes(suite: Suite, preset: Preset) -> None:
     if any(find_training(agent).on_twins for agent in _to_train(suite)):
         check_members([preset])
     for path in suite.data:
-        for T in (SAMPLE_TIME, *suite.sample_time):
+        for T in dict.fromkeys((SAMPLE_TIME, *suite.sample_time)):
             evaluation_records([path], T)
     if suite.train:
         true_records([suite.train], max(suite.sample_time))
@@ -171,13 +171,14 @@ def _learn(
     """Identify the models and find the fits on the training records, or read those of an earlier run."""
     folder = suite.out / f"T_{T:g}"
     folder.mkdir(parents=True, exist_ok=True)
-    measured = [piece for episode in read_episodes([train], T) for piece in complete_pieces(episode)]
+    episodes = read_episodes([train], T)
+    measured = [piece for episode in episodes for piece in complete_pieces(episode)]
     models = identify_models(measured, folder, suite.seed, progress(f"identify T = {T:g} s", "model"))
     path = folder / "tuned.json"
     knowledge = Knowledge(
         sample_time=T,
         models=models,
-        records=true_records([train], T),
+        records=[(episode.pull_mm, episode.truth_deg) for episode in episodes],
         seed=suite.seed,
         fits=load_fits(path),
         smallest_wire_offset=ranges.lowest("wire_offset", preset),

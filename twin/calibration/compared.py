@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from twin.calibration.logs import MeasuredLoop
 from twin.calibration.objective import bend_errors, offset_of, offsets_taken_off, predict
-from twin.episode import Episode, Record
+from twin.episode import Episode, Record, runs_of_true
 from twin.errors import DivergedError, InputError
 from twin.hysteresis import HysteresisModel, PrandtlIshlinskii
 from twin.identification import identify
@@ -91,7 +91,7 @@ def _logs(loops: Sequence[MeasuredLoop], plane: int, *, centred: bool) -> list[L
                 (pull - middle) * 1e3,
                 measured_deg=np.degrees(bend - zero),
             ),
-            _runs(loop.fitted),
+            tuple((begin, end) for begin, end in runs_of_true(loop.fitted) if end - begin > 1),
             has_offset=loop.offset and centred,
             has_delay=loop.timed and determines_delay(pull * 1e3),
         )
@@ -99,12 +99,6 @@ def _logs(loops: Sequence[MeasuredLoop], plane: int, *, centred: bool) -> list[L
         else None
         for loop, pull, bend in pairs
     ]
-
-
-def _runs(mask: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
-    """Return the first sample of each run of True and the one after its last; a single sample is no run."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
-    return tuple((int(begin), int(end)) for begin, end in edges.reshape(-1, 2) if end - begin > 1)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -26,8 +26,9 @@ from twin.signals.streams import SeedUse, random_stream
 Array = NDArray[np.float64]
 SHARE = 0.65  # of what the nominal endoscope reaches on a stroke
 FAST_PERIOD_S = 4.0
-SIGNALS = ("sine", "multi-sine", "random-steps", "fast-sine")
-"""Kinds of reference; the first three are slow, as those of datasets."""
+SLOW = ("sine", "multi-sine", "random-steps")
+SIGNALS = (*SLOW, "fast-sine")
+"""Kinds of reference; slow ones are those of datasets."""
 
 
 def reference(
@@ -52,7 +53,6 @@ def reference(
     return np.concatenate([np.full(round(HOLD_S / sample_time), moving[0]), moving])
 
 
-SLOW = ("sine", "multi-sine", "random-steps")
 BENDING_AT_S, BENDING_S, BENT_BY = 15.0, 3.0, np.pi / 2  # of the sheath: begin, time, angle [rad]
 TOUCHED_AT_S = 18.0  # begin of a contact at the tip; it stays
 CAPSTAN = (("sheath_friction", 0.18), ("sheath_friction_floor", 0.0), ("sheath_friction_growth", 0.0))

@@ -8,9 +8,7 @@ A reference and a measurement in, the pull to command out, sample by sample. Tun
 import abc
 import dataclasses
 import functools
-import importlib
 import math
-import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
@@ -22,7 +20,7 @@ from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.deployment import Deployment
 from twin.estimation.learned.ram_twins import RAM_TWINS
-from twin.estimation.registry import Style
+from twin.estimation.registry import Style, import_modules
 from twin.hysteresis import ColemanHodgdon
 from twin.preset.preset import Preset
 from twin.simulation import simulate
@@ -276,9 +274,7 @@ def register_controller(spec: ControllerSpec) -> ControllerSpec:
 
 def controller_specs() -> tuple[ControllerSpec, ...]:
     """Return all controllers, in the order of tables."""
-    package = importlib.import_module("twin.control.controllers")
-    for found in pkgutil.iter_modules(package.__path__, package.__name__ + "."):
-        importlib.import_module(found.name)
+    import_modules("twin.control.controllers")
     return tuple(sorted(_SPECS.values(), key=lambda spec: (spec.rank, spec.name)))
 
 

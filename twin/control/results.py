@@ -164,10 +164,11 @@ def control_values(
     """Return what `control.json` holds."""
     results = comparison.results
     limits = [dataclasses.asdict(settings.limits(stroke)) for stroke in settings.strokes_mm]
+    stated = settings.to_dict()
     protocol = {
         "version": __version__,
-        "policy_sha256": settings.to_dict()["policy"],
-        "tracking_policy_sha256": settings.to_dict()["tracking_policy"],
+        "policy_sha256": stated["policy"],
+        "tracking_policy_sha256": stated["tracking_policy"],
         "preset": settings.preset.name,
         "physics": settings.physics,
         "twins": settings.twins,

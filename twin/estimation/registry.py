@@ -5,6 +5,7 @@ that table. A Python file of a user (`--method-file`) needs no row. This module 
 """
 
 import dataclasses
+import functools
 import hashlib
 import importlib
 import importlib.util
@@ -108,7 +109,6 @@ class MethodSpec:
 
 
 _SPECS: dict[str, MethodSpec] = {}
-_SEARCHED: list[str] = []
 _LOADED: dict[str, list[str]] = {}  # names of the methods of each method file that was run, by its module
 
 
@@ -125,14 +125,14 @@ def register_method(spec: MethodSpec) -> MethodSpec:
 
 def method_specs() -> list[MethodSpec]:
     """Return all methods, in the order of tables."""
-    _search()
+    import_modules("twin.estimation", nested=True)
     places = {name: place for place, name in enumerate(METHODS)}
     return sorted(_SPECS.values(), key=lambda spec: places.get(spec.name, len(places)))
 
 
 def method_spec(name: str) -> MethodSpec | None:
     """Return the method of a name; None for an unknown one, as in a file of another version."""
-    _search()
+    import_modules("twin.estimation", nested=True)
     return _SPECS.get(name)
 
 
@@ -167,14 +167,16 @@ def proposed_method() -> MethodSpec:
     return next(spec for spec in method_specs() if spec.presentation.proposed)
 
 
-def _search() -> None:
-    """Import every module of `twin.estimation`, each of which registers its methods."""
-    if _SEARCHED:
-        return
-    package = importlib.import_module("twin.estimation")
-    for module in pkgutil.walk_packages(package.__path__, "twin.estimation."):
-        importlib.import_module(module.name)
-    _SEARCHED.append("twin.estimation")
+@functools.cache
+def import_modules(package: str, *, nested: bool = False) -> None:
+    """Import the modules of a package, once, so that what they declare is registered.
+
+    Packages within it are left out, unless `nested`.
+    """
+    path, prefix = importlib.import_module(package).__path__, f"{package}."
+    for module in pkgutil.walk_packages(path, prefix) if nested else pkgutil.iter_modules(path, prefix):
+        if nested or not module.ispkg:
+            importlib.import_module(module.name)
 
 
 def load_method_files(paths: Iterable[Path]) -> list[MethodSpec]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.episode import Episode, Record
+from twin.episode import Episode, Record, runs_of_true
 from twin.errors import InputError
 from twin.files.yaml_text import parse_yaml
 from twin.recording import episode_files, read_dataset, read_episode, read_metadata
@@ -80,9 +80,11 @@ def complete_ranges(episode: Episode, samples: int | None = None) -> list[tuple[
     pull, known = episode.pull_mm[:samples], ~np.isnan(episode.measured_bend[:samples])
     if known.all():
         return [(0, len(known))]
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]])))
-    pieces = [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
-    moving = [(begin, end) for begin, end in pieces if (np.abs(np.diff(pull[begin:end])) > STILL_MM).any()]
+    moving = [
+        (begin, end)
+        for begin, end in runs_of_true(known)
+        if (np.abs(np.diff(pull[begin:end])) > STILL_MM).any()
+    ]
     if not moving:
         raise InputError(
             f"{episode.record().name}: too much of the measured angle is missing at this sample time"

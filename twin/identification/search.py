@@ -22,6 +22,12 @@ NEVER_REVERSES = "the command never reverses: a loop needs at least one reversal
 DIVERGED = 1e12  # mean square error of a response that is not finite [deg^2]
 
 
+def reverses(pull: Array) -> bool:
+    """Return whether a command (N,) goes both ways."""
+    steps = np.diff(pull)
+    return bool((steps > 0).any() and (steps < 0).any())
+
+
 def check(records: Records) -> None:
     """Check that a model can be identified: values are finite, every command moves, and one reverses."""
     if not records:
@@ -31,7 +37,7 @@ def check(records: Records) -> None:
             raise InputError(f"record {index}: command and angle must be finite")
         if not (np.abs(np.diff(pull)) > 1e-9).any():
             raise InputError(f"record {index}: the command never moves")
-    if not any((np.diff(pull) > 0).any() and (np.diff(pull) < 0).any() for pull, _ in records):
+    if not any(reverses(pull) for pull, _ in records):
         raise InputError(NEVER_REVERSES)
 
 
