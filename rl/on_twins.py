@@ -8,7 +8,7 @@ from typing import Any
 
 from rl.trainers import RATES, OnProgress, Trainer, register_trainer
 from rl.twins.graph import export_twins, export_with_model
-from rl.twins.learning import fit_ood_detector, learn_laws
+from rl.twins.learning import fit_ood_detector, learn_noise_models
 from rl.twins.members import choose_members
 from rl.twins.memory_step import HIDDEN, MemoryStep
 from rl.twins.noises import count_noise_models
@@ -126,7 +126,7 @@ def train_ram_twins(
         return step, by_members
 
     def learn_noise(step: TwinsStep, on_share: OnShare) -> None:
-        learn_laws(
+        learn_noise_models(
             step.filter_bank.noise_models,
             settings,
             lambda update, _: on_share(update, settings.noise_model_updates),

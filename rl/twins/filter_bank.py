@@ -136,7 +136,7 @@ class FilterBankState(NamedTuple):
 
 
 class NoiseBelief(NamedTuple):
-    """Belief in the noise models of the noise.
+    """Belief in the noise models.
 
     Attributes:
         noise_models: at the given R.
@@ -174,7 +174,7 @@ class FilterBankPrediction(NamedTuple):
 
 
 class BankEstimate(NamedTuple):
-    """Estimate of the filter_bank.
+    """Estimate of the filter bank.
 
     Attributes:
         offset: (B,) angle about the mean of the members [deg].
@@ -257,14 +257,14 @@ class FilterBank(torch.nn.Module):
 
         innovation = (measured[:, None] - prior.offset) / root[:, None]
         residual = innovation[:, :, None] - noise_models.place  # from each part
-        share, log_law = normed(noise_models.log_parts(residual, relative))
+        share, log_model = normed(noise_models.log_parts(residual, relative))
         logit = torch.log(relative[:, None, None] / noise_models.width)  # of K_AM
         gain = torch.sigmoid(logit + on_gain[:, None, None])
         step = (gain * residual * share).sum(dim=-1) * (root * seen / doubt)[:, None]
         rows = prior.rows + step[:, :, None] * towards[:, None, :]
 
         counts_as = (seen * torch.exp(self.sharpness))[:, None]
-        evidence = prior.evidence * (1 - seen / HISTORY)[:, None] + counts_as * log_law
+        evidence = prior.evidence * (1 - seen / HISTORY)[:, None] + counts_as * log_model
         after = _believe(noise_models, evidence)
         believed = (after.weights * noise_models.effective).sum(dim=-1)
         effective = (believed + torch.exp(self.caution)) * torch.exp(on_noise)

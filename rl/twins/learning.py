@@ -1,9 +1,9 @@
 """The lessons of a filter on simulated twins: its gain, and the width of its interval.
 
-1. RAM (twins) learns the noise models of the noise (`rl/twins/learning.py`).
+1. RAM (twins) learns its noise models (`learn_noise_models`).
 2. Everything learns by back-propagation through the filter: an analytic policy gradient. Errors count
-   as they do in the published figure (`rl/twins/learning.py`).
-3. RAM (twins) learns what noise is like that of its training (`rl/twins/ood_detector.py`).
+   as they do in the published figure (`TypicalErrors`).
+3. RAM (twins) learns what noise is like that of its training (`fit_ood_detector`).
 4. The width of the interval learns by the pinball loss (Koenker and Bassett 1978): a quantile of |error|.
 """
 
@@ -370,7 +370,7 @@ _DOUBT = (0.01, 0.55)  # variance of the belief that smears a sample, in units o
 _OF_MEAN, _OF_INFORMATION = 3.0, 0.3  # weights of the losses relative to the likelihood
 
 
-def learn_laws(
+def learn_noise_models(
     noise_models: NoiseModelParameters, settings: TwinsTraining, on_update: OnUpdate | None = None
 ) -> None:
     """Learn the density of each noise model, how often it is met, and the information of its samples."""
@@ -386,7 +386,7 @@ def learn_laws(
         chosen = torch.as_tensor(rng.integers(_LENGTH, size=SAMPLES))
         doubt = torch.exp(torch.as_tensor(rng.uniform(least, most, (BATCH, 1))).float())
         smeared = torch.as_tensor(rng.standard_normal((BATCH, SAMPLES))).float() * torch.sqrt(doubt)
-        return laws_loss(
+        return noise_models_loss(
             noise_models,
             noise_model[rows],
             variance[rows],
@@ -399,7 +399,7 @@ def learn_laws(
     descend(groups, loss, settings.noise_model_updates, settings.noise_model_rate, on_update)
 
 
-def laws_loss(
+def noise_models_loss(
     noise_models: NoiseModelParameters,
     noise_model: Tensor,
     variance: Tensor,

@@ -2,7 +2,7 @@
 
 They are chosen so that their ensemble makes other endoscopes of the ranges likely. An ensemble of M twins
 predicts any angle as a normal distribution whose mean and covariance are those of the members along the
-commands (Evensen 2003); of all M that could be taken, those are looked for under whose noise model other
+commands (Evensen 2003); of all M that could be taken, those are looked for under whose distribution other
 endoscopes are likeliest. Drawn or spread evenly over the ranges of the parameters, members leave out a few
 endoscopes that move far less than any of them, and it was chance which training had what.
 """
@@ -99,7 +99,7 @@ def likeliest_ensemble(angles: Array, count: int, rng: np.random.Generator) -> N
 def ensemble_unlikelihood(members: Array, others: Array) -> float:
     """Return minus twice the mean logarithm of the likelihood of others, less a constant.
 
-    The noise model is normal, with mean and covariance of the members, plus `UNEXPLAINED_DEG`.
+    The distribution is normal, with mean and covariance of the members, plus `UNEXPLAINED_DEG`.
 
     Args:
         members: (M, N) [deg].

@@ -1,7 +1,7 @@
 """Noise families of the training: each sequence has its own, with parameters of its own.
 
 A benchmark's noise has one level and fixed parameters (`twin.signals.noise`). Here nothing is fixed: a policy
-that is to recognise what it has not met must not learn five noise models by heart.
+that is to recognise what it has not met must not learn five distributions by heart.
 """
 
 import math
@@ -122,7 +122,7 @@ def _gamma(samples: int, rng: np.random.Generator) -> _Drawn:
         rng.gamma(shape, np.sqrt(variance / shape), samples),
         variance,
         float(np.sqrt(variance * shape)),
-        _part(shape, _GAMMA_SHAPES, _GAMMA_LAWS),
+        _part(shape, _GAMMA_SHAPES, _GAMMA_MODELS),
     )
 
 
@@ -135,7 +135,7 @@ def _weibull(samples: int, rng: np.random.Generator) -> _Drawn:
         scale * rng.weibull(shape, samples),
         variance,
         scale * first,
-        _part(shape, _WEIBULL_SHAPES, _WEIBULL_LAWS),
+        _part(shape, _WEIBULL_SHAPES, _WEIBULL_MODELS),
     )
 
 
@@ -174,16 +174,16 @@ def _contaminated(samples: int, rng: np.random.Generator) -> _Drawn:
     return noise, variance, float(scale * side * share * away), kind
 
 
-_GAMMA_SHAPES, _GAMMA_LAWS = (1.2, 3.5), 5
-_WEIBULL_SHAPES, _WEIBULL_LAWS = (1.1, 2.6), 4
+_GAMMA_SHAPES, _GAMMA_MODELS = (1.2, 3.5), 5
+_WEIBULL_SHAPES, _WEIBULL_MODELS = (1.1, 2.6), 4
 
 FAMILIES: dict[str, Family] = {
     "gaussian": Family(0.20, 1, _gaussian),
     "laplace": Family(0.10, 1, _laplace),
     "student-t": Family(0.10, 2, _student),
     "uniform": Family(0.10, 1, _uniform),
-    "gamma": Family(0.14, _GAMMA_LAWS, _gamma),
-    "weibull": Family(0.08, _WEIBULL_LAWS, _weibull),
+    "gamma": Family(0.14, _GAMMA_MODELS, _gamma),
+    "weibull": Family(0.08, _WEIBULL_MODELS, _weibull),
     "poisson": Family(0.14, 1, _poisson),
     "poisson-dithered": Family(0.10, 1, _dithered_poisson),
     "salt-and-pepper": Family(0.12, 6, _outliers),

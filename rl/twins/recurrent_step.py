@@ -5,8 +5,7 @@ numbers and remember by one cell. They differ in their output:
 
 - `Correction`: what is to be added to the prediction, in units of sqrt(R). A network that filters.
 - `LearnedGain`: the gains of theta and of f on the innovation (KalmanNet, Revach et al. 2022). It may output
-the
-  mean of the noise too, which is taken away at the output.
+  the mean of the noise too, which is subtracted.
 - `RecursiveGain`: the gains, and what the variance of the prediction grows by. The variance goes on by
   Joseph's form; gains and variance are learned by likelihood (Recursive KalmanNet, Mortada et al. 2025).
 

@@ -139,7 +139,7 @@ class TwinsTraining(SimulatedTraining):
         policy_layers: of the policy; 0 for one that is linear in what it sees.
         policy_width: units of each; what a search took, as the learning rate: docs/ram_twins.md.
         with_error: whether what no member does is estimated.
-        with_classifier: whether there are noise models of the noise to choose among; without them it is
+        with_classifier: whether there are noise models to choose among; without them it is
             normal.
         noise_model_sequences: of noise that the noise models are learned from first.
         noise_model_updates: gradient steps of that.

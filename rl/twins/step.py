@@ -6,7 +6,7 @@ The active model (eqs. 4-9) predicts by M twins that follow the command:
 
 where a are the anomalies of the members along r fixed directions, c their coefficients (Evensen 2003) and d
 what no member does, which decays with the way of the tendon (`rl/twins/filter_step.py`). It knows R. What
-else the noise is, its mean above all, is recognised: a filter bank of such filters, one for each noise model
+else the noise is, its mean above all, is classified: a bank of such filters, one for each noise model
 that the noise may have, is weighed by what is measured (`rl/twins/filter_bank.py`).
 
 RAM (eq. 10) then adds K_RAM phi, phi = y - y_AM, along the filter's own direction P a. Of the gains it is the
@@ -18,9 +18,9 @@ for each part of each noise model, so that K_RAM may be negative: it takes back 
 of an outlier. Three more actions set the R by which P shrinks, the growth of d and that of c. A policy that
 does nothing (u = 0) changes nothing.
 
-The filter alone runs alongside, which knows R and nothing more (`rl/twins/step.py`). Where the
-noise is like none of the training (`rl/twins/ood_detector.py`), noise classifier and policy are disabled, and
-the filter alone is left, as a robust one (`rl/twins/ood_detector.py`).
+The filter alone runs alongside, which knows R and nothing more (`PlainFilter`). Where the
+noise is like none of the training (`OodDetector`), classifier and policy are disabled, and
+the filter alone is left, as a robust one (`Fallback`).
 """
 
 import math
@@ -229,7 +229,7 @@ class Features(torch.nn.Module):
 
         Args:
             state: after the sample before.
-            belief: in the noise models of the noise.
+            belief: in the noise models.
             mean: (B, n) of c and d, as predicted.
             doubt: (B,) variance of the prediction [deg^2].
             of_error: (B,) that of d [deg^2].
@@ -292,7 +292,7 @@ REACH = (5.0, 4.0, 3.0, 3.0)  # of the actions, in logarithms
 
 
 class TwinsStep(FilterStep):
-    """Active model on twins, noise classifier of the noise, policy and interval; see the module.
+    """Active model on twins, noise classifier, policy and interval; see the module.
 
     Attributes:
         guarded: whether classifier and policy are disabled under strange noise; while it learns, both are on.

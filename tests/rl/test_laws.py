@@ -7,7 +7,7 @@ from scipy import integrate, stats
 from small_twins import generator, shorter
 
 from rl.twins.filter_bank import PARTS, NoiseModelParameters, normed
-from rl.twins.learning import learn_laws
+from rl.twins.learning import learn_noise_models
 from rl.twins.noises import count_noise_models, draw_noises
 
 GRID = np.linspace(-12, 15, 5401)
@@ -28,7 +28,7 @@ def learned():
     torch.manual_seed(1)
     families = ("gaussian", "uniform", "gamma", "poisson")
     noise_models = NoiseModelParameters(count_noise_models(families))
-    learn_laws(
+    learn_noise_models(
         noise_models,
         shorter(noises=families, noise_model_sequences=4096, noise_model_updates=700, noise_model_rate=3e-2),
     )

@@ -1,7 +1,8 @@
-"""RAM (twins): eq. 10 on an active model that predicts by reduced twins, with a policy that recognises noise.
+"""RAM (twins): eq. 10 on an active model that predicts by reduced twins, with a classifier of the noise.
 
-The M twins of the trained file follow the command; the whole step of filters, recogniser and policy is the
-graph of the file, the very one that was trained (`rl/twins/step.py` says what it does). No MuJoCo, no torch.
+The M twins of the trained file follow the command; the complete step of filters, noise classifier and policy
+is the graph of the file, the very one that was trained (`rl/twins/step.py` says what it does). No MuJoCo, no
+torch.
 
 The initial estimate is not used: where an endoscope stands is known better from its command.
 """
@@ -128,15 +129,15 @@ class MemberWeights:
     """
 
     def __init__(self, estimator: RamTwins) -> None:
-        laws, size = estimator.network.state["rows"]
+        models, size = estimator.network.state["rows"]
         members, directions = len(estimator.twins.presets), size - 1  # the last number is d
         coefficients = np.tile(np.eye(directions, size), (members, 1))
         one = np.repeat(np.eye(members), directions, axis=0)
-        answers = _predicted(estimator, np.repeat(coefficients[:, None], laws, axis=1), one)
+        answers = _predicted(estimator, np.repeat(coefficients[:, None], models, axis=1), one)
         self.directions: Array = answers.reshape(members, directions) - 1 / members
-        of_error = np.zeros((laws, laws, size))
-        of_error[range(laws), range(laws), -1] = 1.0
-        self.log_prior: Array = np.log(_predicted(estimator, of_error, np.zeros((laws, members))))
+        of_error = np.zeros((models, models, size))
+        of_error[range(models), range(models), -1] = 1.0
+        self.log_prior: Array = np.log(_predicted(estimator, of_error, np.zeros((models, members))))
 
     def of(self, state: StepState) -> Array:
         """Return the (M,) weights of the one filter of a state; their sum is 1."""

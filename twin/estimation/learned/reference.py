@@ -58,9 +58,7 @@ def replay(file: TrainedFile) -> dict[str, float]:
         )
         names = [part.name for part in file.session.get_outputs()]
         states = {
-            part.name: tuple(axis for axis in part.shape[1:])
-            for part in file.session.get_inputs()
-            if part.name not in inputs
+            part.name: tuple(part.shape[1:]) for part in file.session.get_inputs() if part.name not in inputs
         }
         batch = max(len(steps[0]) for steps in inputs.values())
         memory = {name: np.zeros((batch, *shape)) for name, shape in states.items()}
