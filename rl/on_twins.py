@@ -37,23 +37,14 @@ from twin.reduced.members import MemberSet
 
 @dataclasses.dataclass(frozen=True)
 class Rival:
-    """Rival of RAM (twins).
+    """Rival of RAM (twins)."""
 
-    Attributes:
-        spec: its method.
-        step: what it does with a sample.
-        cell: its memory.
-        widths: of its memory, that a search tries.
-        rate: learning rate that the search chose, see docs/ram_twins.md.
-        width: that it chose.
-    """
-
-    spec: MethodSpec
-    step: Callable[[Callable[[int, int], MemoryCell], int], RecurrentStep]
-    cell: Callable[[int, int], MemoryCell]
-    widths: tuple[int, ...]
-    rate: float
-    width: int
+    spec: MethodSpec  # its method
+    step: Callable[[Callable[[int, int], MemoryCell], int], RecurrentStep]  # what it does with a sample
+    cell: Callable[[int, int], MemoryCell]  # its memory
+    widths: tuple[int, ...]  # of its memory, that a search tries
+    rate: float  # learning rate that the search chose, see docs/ram_twins.md
+    width: int  # that it chose
 
     @property
     def settings(self) -> NetworkTraining:

@@ -64,15 +64,10 @@ class SequenceNetwork(torch.nn.Module):
 
 
 class RecurrentStep(torch.nn.Module):
-    """One sample of a trained network, as it is deployed; `hidden` is the memory of its cell.
+    """One sample of a trained network, as it is deployed; `hidden` is the memory of its cell."""
 
-    Attributes:
-        inputs: names of what it takes.
-        values: names of the numbers of its state before `hidden`.
-    """
-
-    inputs: ClassVar[tuple[str, ...]]
-    values: ClassVar[tuple[str, ...]]
+    inputs: ClassVar[tuple[str, ...]]  # names of what it takes
+    values: ClassVar[tuple[str, ...]]  # names of the numbers of its state before `hidden`
 
     def __init__(self, network: SequenceNetwork):
         super().__init__()

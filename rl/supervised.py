@@ -27,29 +27,17 @@ GRADIENT_LIMIT = 1.0  # norm at which gradients are clipped
 
 @dataclasses.dataclass(frozen=True)
 class SequenceTraining:
-    """Settings of the training of a recurrent network on windows of the records.
+    """Settings of the training of a recurrent network on windows of the records."""
 
-    Attributes:
-        iterations: gradient steps, each on fresh noise.
-        sequences: records with their own noise in one step.
-        window: samples of each.
-        hidden: units of the one recurrent layer.
-        learning_rate: of Adam at the start; it falls to zero along a cosine.
-        noise: measurement noise during training.
-        noise_level: its level: R = 0.1 in the paper.
-        initial_error_deg: the initial estimate is off by up to this, where it is used [deg].
-        seed: of the weights and the noise.
-    """
-
-    iterations: int = 600
-    sequences: int = 64
-    window: int = 150
-    hidden: int = 32
-    learning_rate: float = 5e-3
-    noise: str = "gaussian"
-    noise_level: float = 0.1
-    initial_error_deg: float = 20.0
-    seed: int = 0
+    iterations: int = 600  # gradient steps, each on fresh noise
+    sequences: int = 64  # records with their own noise in one step
+    window: int = 150  # samples of each
+    hidden: int = 32  # units of the one recurrent layer
+    learning_rate: float = 5e-3  # of Adam at the start; it falls to zero along a cosine
+    noise: str = "gaussian"  # measurement noise during training
+    noise_level: float = 0.1  # its level: R = 0.1 in the paper
+    initial_error_deg: float = 20.0  # the initial estimate is off by up to this, where it is used [deg]
+    seed: int = 0  # of the weights and the noise
 
     def scaled(self, options: TrainingOptions) -> "SequenceTraining":
         """Return these settings for the noise, the seed and the length of a training."""
@@ -64,21 +52,13 @@ class SequenceTraining:
 
 
 class Lesson(NamedTuple):
-    """What a method brings to its training.
+    """What a method brings to its training."""
 
-    Attributes:
-        network: the module that learns.
-        loss: draws data and returns the mean square error.
-        samples: in one loss.
-        unit_deg2: what a loss of one is [deg^2].
-        export: writes the trained file with its description.
-    """
-
-    network: torch.nn.Module
-    loss: Callable[[], torch.Tensor]
-    samples: int
-    unit_deg2: float
-    export: Callable[[dict[str, Any], Path], None]
+    network: torch.nn.Module  # the module that learns
+    loss: Callable[[], torch.Tensor]  # draws data and returns the mean square error
+    samples: int  # in one loss
+    unit_deg2: float  # what a loss of one is [deg^2]
+    export: Callable[[dict[str, Any], Path], None]  # writes the trained file with its description
 
 
 def train_network(

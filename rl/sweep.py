@@ -32,17 +32,11 @@ _SECONDS = 0.5  # between two looks at it
 
 
 class TrainingRun(NamedTuple):
-    """Training that is one of several.
+    """Training that is one of several."""
 
-    Attributes:
-        material: what is learned from.
-        options: of the training.
-        folder: of the run.
-    """
-
-    material: Material
-    options: TrainingOptions
-    folder: Path
+    material: Material  # what is learned from
+    options: TrainingOptions  # of the training
+    folder: Path  # of the run
 
 
 Shares = MutableMapping[int, tuple[float, float]]
@@ -137,15 +131,10 @@ Settings = dict[str, float]
 
 
 class SettingsTrial(NamedTuple):
-    """Settings that were tried.
+    """Settings that were tried."""
 
-    Attributes:
-        settings: by name.
-        error_deg2: least typical square error on twins that were held out [deg^2].
-    """
-
-    settings: Settings
-    error_deg2: float
+    settings: Settings  # by name
+    error_deg2: float  # least typical square error on twins that were held out [deg^2]
 
 
 def grid_of(agent: str) -> list[Settings]:

@@ -36,29 +36,17 @@ TRAVEL_COST_PER_MM = 0.1
 
 @dataclasses.dataclass(frozen=True)
 class TrackingState:
-    """Complete state of an environment: restored, the run goes on bit for bit.
+    """Complete state of an environment: restored, the run goes on bit for bit."""
 
-    Attributes:
-        preset: the endoscope of this episode.
-        plant: its state, of `Plant.save_state`.
-        reference_deg: (N,) wanted angle [deg].
-        noise_deg: (N,) added to the true angle [deg].
-        sample: number of the sample it stands at.
-        bends_deg: true angles that the sensor's latency keeps, the oldest first [deg].
-        change_mm: latest change of the command [mm].
-        smooth_deg: low-passed error [deg].
-        generator: state of the random numbers, of NumPy.
-    """
-
-    preset: Preset
-    plant: tuple[Any, float, float]
-    reference_deg: Array
-    noise_deg: Array
-    sample: int
-    bends_deg: tuple[float, ...]
-    change_mm: float
-    smooth_deg: float
-    generator: Any
+    preset: Preset  # the endoscope of this episode
+    plant: tuple[Any, float, float]  # its state, of `Plant.save_state`
+    reference_deg: Array  # (N,) wanted angle [deg]
+    noise_deg: Array  # (N,) added to the true angle [deg]
+    sample: int  # number of the sample it stands at
+    bends_deg: tuple[float, ...]  # true angles that the sensor's latency keeps, the oldest first [deg]
+    change_mm: float  # latest change of the command [mm]
+    smooth_deg: float  # low-passed error [deg]
+    generator: Any  # state of the random numbers, of NumPy
 
 
 class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):

@@ -24,33 +24,19 @@ _REPORTED = 100  # episodes that the mean reward is of
 
 @dataclasses.dataclass(frozen=True)
 class TrackingTraining:
-    """Settings of a training.
+    """Settings of a training."""
 
-    Attributes:
-        samples: of all environments together.
-        strokes_mm: strokes of the work, which the environments take in turn [mm].
-        environments: that run side by side.
-        horizon: samples of each between two updates.
-        minibatch: samples in one gradient step.
-        discount: factor of PPO.
-        log_std: of the first exploration; -2 is 0.14 of the speed limit, as an offset sums it up.
-        sample_time: T [s].
-        speed_mm_s: fastest change of the command [mm / s].
-        noise_variance: R of the sensor [deg^2].
-        seed: of network, exploration, endoscopes, references and noise.
-    """
-
-    samples: int = 400_000
-    strokes_mm: tuple[tuple[float, float], ...] = ((-1.0, 1.0), (2.0, 4.0))
-    environments: int = 4
-    horizon: int = 1024
-    minibatch: int = 256
-    discount: float = 0.97
-    log_std: float = -2.0
-    sample_time: float = 0.02
-    speed_mm_s: float = 5.0
-    noise_variance: float = 1.0
-    seed: int = 0
+    samples: int = 400_000  # of all environments together
+    strokes_mm: tuple[tuple[float, float], ...] = ((-1.0, 1.0), (2.0, 4.0))  # of the work, taken in turn [mm]
+    environments: int = 4  # that run side by side
+    horizon: int = 1024  # samples of each between two updates
+    minibatch: int = 256  # samples in one gradient step
+    discount: float = 0.97  # factor of PPO
+    log_std: float = -2.0  # of the first exploration; -2 is 0.14 of the speed limit, as an offset sums it up
+    sample_time: float = 0.02  # T [s]
+    speed_mm_s: float = 5.0  # fastest change of the command [mm / s]
+    noise_variance: float = 1.0  # R of the sensor [deg^2]
+    seed: int = 0  # of network, exploration, endoscopes, references and noise
 
     def __post_init__(self) -> None:
         """Refuse what PPO cannot train on; the environments check the rest."""

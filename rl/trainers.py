@@ -35,40 +35,24 @@ RATES = (1e-3, 3e-3, 1e-2)
 
 @dataclasses.dataclass(frozen=True)
 class Simulated:
-    """Twins that a training simulates, and the noise that they are measured under.
+    """Twins that a training simulates, and the noise that they are measured under."""
 
-    Attributes:
-        preset: the endoscope.
-        ranges: what varies from one to the next.
-        noises: families of the measurement noise; the training's own, if empty.
-        stroke_mm: that the commands lie within; the training's own, if None.
-        gain: how the policy learns; the training's own way, if empty.
-        sample_times: T that are met, the most frequent first; the training's own, if empty [s].
-        settings: values of any settings of the training, by name, in place of all others.
-    """
-
-    preset: "Preset"
-    ranges: "Ranges"
-    noises: tuple[str, ...] = ()
-    stroke_mm: tuple[float, float] | None = None
-    gain: tuple[str, ...] = ()
-    sample_times: tuple[float, ...] = ()
-    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    preset: "Preset"  # the endoscope
+    ranges: "Ranges"  # what varies from one to the next
+    noises: tuple[str, ...] = ()  # families of the measurement noise; the training's own, if empty
+    stroke_mm: tuple[float, float] | None = None  # that the commands lie within; the training's own, if None
+    gain: tuple[str, ...] = ()  # how the policy learns; the training's own way, if empty
+    sample_times: tuple[float, ...] = ()  # T that are met, most frequent first; its own, if empty [s]
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # by name, in place of all others
 
 
 @dataclasses.dataclass(frozen=True)
 class Material:
-    """All that a method may be trained on.
+    """All that a method may be trained on."""
 
-    Attributes:
-        records: of the training set.
-        active_model: filter or model that is learned with.
-        simulated: twins that may be simulated.
-    """
-
-    records: Records = ()
-    active_model: ActiveModel | None = None
-    simulated: Simulated | None = None
+    records: Records = ()  # of the training set
+    active_model: ActiveModel | None = None  # filter or model that is learned with
+    simulated: Simulated | None = None  # twins that may be simulated
 
 
 def material_of(knowledge: "Knowledge") -> Material:

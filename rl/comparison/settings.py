@@ -159,16 +159,9 @@ class Suite(Settings):
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """Results of a comparison.
+    """Results of a comparison."""
 
-    Attributes:
-        scores: of every method.
-        tracks: by noise, the first record with the estimates of all methods, at the first sample time.
-        records: number of test records.
-        remark: what else there is to say of them.
-    """
-
-    scores: "list[Score]"
-    tracks: "dict[Condition, Record]"
-    records: int
-    remark: str = ""
+    scores: "list[Score]"  # of every method
+    tracks: "dict[Condition, Record]"  # by noise: the first record with all estimates, at the first T
+    records: int  # number of test records
+    remark: str = ""  # what else there is to say of them

@@ -24,23 +24,14 @@ NARROWEST_DEG2 = 0.01  # of a part: no model of the angle is good enough for the
 
 
 class NoiseModels(NamedTuple):
-    """J noise models of K parts at B values of R, in units of sqrt(R) and of R.
+    """J noise models of K parts at B values of R, in units of sqrt(R) and of R."""
 
-    Attributes:
-        place: (B, J, K) mean of each part.
-        log_weight: (B, J, K) logarithm of how likely each is.
-        width: (B, J, K) variance of each.
-        mean: (B, J) of each noise_model.
-        effective: (B, J) variance of the normal distribution with the same information about the angle.
-        log_prior: (B, J) logarithm of how likely each noise model is before anything is measured.
-    """
-
-    place: Tensor
-    log_weight: Tensor
-    width: Tensor
-    mean: Tensor
-    effective: Tensor
-    log_prior: Tensor
+    place: Tensor  # (B, J, K) mean of each part
+    log_weight: Tensor  # (B, J, K) logarithm of how likely each is
+    width: Tensor  # (B, J, K) variance of each
+    mean: Tensor  # (B, J) of each noise_model
+    effective: Tensor  # (B, J) variance of the normal distribution with the same information about the angle
+    log_prior: Tensor  # (B, J) logarithm of how likely each noise model is before anything is measured
 
     def log_parts(self, residual: Tensor, doubt: Tensor) -> Tensor:
         """Return (B, J, K) log-densities of a residual, by part; the common 2 pi is left out.
@@ -122,69 +113,40 @@ WITHIN = 0.01  # variance of the mean of a noise about that of its noise model, 
 
 
 class FilterBankState(NamedTuple):
-    """State of B banks of J filters.
+    """State of B banks of J filters."""
 
-    Attributes:
-        rows: (B, J, n) of c and d [deg], by noise_model.
-        covariance: (B, n, n) of each of them.
-        evidence: (B, J) logarithm of how likely each noise model made what was measured.
-    """
-
-    rows: Tensor
-    covariance: Tensor
-    evidence: Tensor
+    rows: Tensor  # (B, J, n) of c and d [deg], by noise_model
+    covariance: Tensor  # (B, n, n) of each of them
+    evidence: Tensor  # (B, J) logarithm of how likely each noise model made what was measured
 
 
 class NoiseBelief(NamedTuple):
-    """Belief in the noise models.
+    """Belief in the noise models."""
 
-    Attributes:
-        noise_models: at the given R.
-        weights: (B, J) probabilities.
-        bias: (B,) mean of the noise in units of sqrt(R).
-        bias_variance: (B,) how sure that is, in units of R.
-    """
-
-    noise_models: NoiseModels
-    weights: Tensor
-    bias: Tensor
-    bias_variance: Tensor
+    noise_models: NoiseModels  # at the given R
+    weights: Tensor  # (B, J) probabilities
+    bias: Tensor  # (B,) mean of the noise in units of sqrt(R)
+    bias_variance: Tensor  # (B,) how sure that is, in units of R
 
 
 class FilterBankPrediction(NamedTuple):
-    """State of the filter bank, as predicted for a sample.
+    """State of the filter bank, as predicted for a sample."""
 
-    Attributes:
-        belief: in the noise models, before the sample.
-        evidence: (B, J) for them.
-        angle: (B, n) of theta on c and d.
-        rows: (B, J, n).
-        covariance: (B, n, n) before it grows.
-        offset: (B, J) angle of each filter about the mean of the members [deg].
-        towards: (B, n) P a, before P grows.
-    """
-
-    belief: NoiseBelief
-    evidence: Tensor
-    angle: Tensor
-    rows: Tensor
-    covariance: Tensor
-    offset: Tensor
-    towards: Tensor
+    belief: NoiseBelief  # in the noise models, before the sample
+    evidence: Tensor  # (B, J) for them
+    angle: Tensor  # (B, n) of theta on c and d
+    rows: Tensor  # (B, J, n)
+    covariance: Tensor  # (B, n, n) before it grows
+    offset: Tensor  # (B, J) angle of each filter about the mean of the members [deg]
+    towards: Tensor  # (B, n) P a, before P grows
 
 
 class BankEstimate(NamedTuple):
-    """Estimate of the filter bank.
+    """Estimate of the filter bank."""
 
-    Attributes:
-        offset: (B,) angle about the mean of the members [deg].
-        variance: (B,) of it [deg^2].
-        belief: in the noise models, after the sample.
-    """
-
-    offset: Tensor
-    variance: Tensor
-    belief: NoiseBelief
+    offset: Tensor  # (B,) angle about the mean of the members [deg]
+    variance: Tensor  # (B,) of it [deg^2]
+    belief: NoiseBelief  # in the noise models, after the sample
 
 
 class FilterBank(torch.nn.Module):

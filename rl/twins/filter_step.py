@@ -41,25 +41,15 @@ ALL, NOTHING = torch.tensor([1.0, 1.0]), torch.tensor([0.0, 0.0])
 
 
 class Output(NamedTuple):
-    """Result of one sample.
+    """Result of one sample."""
 
-    Attributes:
-        bend_deg: (B,) estimate [deg].
-        half_width_deg: (B,) half of its 95 % interval [deg].
-        bias: (B,) mean of the noise in units of sqrt(R), as recognised.
-        bias_variance: (B,) how sure that is, in units of R.
-        action: (B, actions) before they are bounded: on the total gain, on R for the covariance, on growth.
-        deviation_deg: (B,) standard deviation of the estimate as the filter has it [deg].
-        seen: (B, n) what the interval is made of.
-    """
-
-    bend_deg: Tensor
-    half_width_deg: Tensor
-    bias: Tensor
-    bias_variance: Tensor
-    action: Tensor
-    deviation_deg: Tensor
-    seen: Tensor
+    bend_deg: Tensor  # (B,) estimate [deg]
+    half_width_deg: Tensor  # (B,) half of its 95 % interval [deg]
+    bias: Tensor  # (B,) mean of the noise in units of sqrt(R), as recognised
+    bias_variance: Tensor  # (B,) how sure that is, in units of R
+    action: Tensor  # (B, actions) before bounds: on the total gain, on R for the covariance, on growth
+    deviation_deg: Tensor  # (B,) standard deviation of the estimate as the filter has it [deg]
+    seen: Tensor  # (B, n) what the interval is made of
 
 
 class FilterStep(torch.nn.Module):

@@ -30,21 +30,13 @@ Tensor = torch.Tensor
 
 
 class MemoryState(NamedTuple):
-    """State of B filters.
+    """State of B filters."""
 
-    Attributes:
-        mean: (B, 2) of theta + b [deg] and f [deg / s].
-        covariance: (B, 3) of theta, of theta and f, of f.
-        hidden: (B, hidden) of the policy.
-        innovation: (B,) the last one in units of sqrt(R).
-        samples: (B,) measured so far.
-    """
-
-    mean: Tensor
-    covariance: Tensor
-    hidden: Tensor
-    innovation: Tensor
-    samples: Tensor
+    mean: Tensor  # (B, 2) of theta + b [deg] and f [deg / s]
+    covariance: Tensor  # (B, 3) of theta, of theta and f, of f
+    hidden: Tensor  # (B, hidden) of the policy
+    innovation: Tensor  # (B,) the last one in units of sqrt(R)
+    samples: Tensor  # (B,) measured so far
 
 
 class MemoryStep(FilterStep):

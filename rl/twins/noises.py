@@ -22,24 +22,14 @@ VARIANCES = (0.05, 8.0)
 
 
 class NoiseBatch(NamedTuple):
-    """Noise of B sequences of N samples.
+    """Noise of B sequences of N samples."""
 
-    Attributes:
-        noise_deg: (B, N) [deg].
-        variance: (B,) R, which the filter knows [deg^2].
-        mean_deg: (B,) mean of the noise, which it does not know [deg].
-        family: (B,) place of its family among the given ones.
-        noise_model: (B,) place of its noise model among those of the given families; see
-            `count_noise_models`.
-        linear: (B,) whether the linear update is the best there is for it, or near it.
-    """
-
-    noise_deg: Array
-    variance: Array
-    mean_deg: Array
-    family: NDArray[np.intp]
-    noise_model: NDArray[np.intp]
-    linear: NDArray[np.bool_]
+    noise_deg: Array  # (B, N) [deg]
+    variance: Array  # (B,) R, which the filter knows [deg^2]
+    mean_deg: Array  # (B,) mean of the noise, which it does not know [deg]
+    family: NDArray[np.intp]  # (B,) place of its family among the given ones
+    noise_model: NDArray[np.intp]  # (B,) place of its noise model among those of the given families
+    linear: NDArray[np.bool_]  # (B,) whether the linear update is the best there is for it, or near it
 
 
 def draw_noises(families: Sequence[str], count: int, samples: int, rng: np.random.Generator) -> NoiseBatch:
@@ -78,17 +68,11 @@ _Drawn = tuple[Array, float, float, int]
 
 
 class Family(NamedTuple):
-    """Family of noise.
+    """Family of noise."""
 
-    Attributes:
-        weight: how often it is met, among the others.
-        noise_models: into how many noise models it is divided, by the parameters that change its shape.
-        draw: returns the noise of a sequence of so many samples.
-    """
-
-    weight: float
-    noise_models: int
-    draw: Callable[[int, np.random.Generator], _Drawn]
+    weight: float  # how often it is met, among the others
+    noise_models: int  # into how many noise models it is divided, by the parameters that change its shape
+    draw: Callable[[int, np.random.Generator], _Drawn]  # returns the noise of a sequence of so many samples
 
 
 def _variance(rng: np.random.Generator, low: float = VARIANCES[0], high: float = VARIANCES[1]) -> float:

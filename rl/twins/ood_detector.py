@@ -52,17 +52,11 @@ _GROUPS = 12  # of histograms of about the same counts, each of which has a limi
 
 
 class Histograms(NamedTuple):
-    """Histograms of residuals, and the beliefs with them.
+    """Histograms of residuals, and the beliefs with them."""
 
-    Attributes:
-        weights: (S, J) of the noise_models.
-        counts: (S, BINS).
-        log_variance: (S,) logarithm of R.
-    """
-
-    weights: Tensor
-    counts: Tensor
-    log_variance: Tensor
+    weights: Tensor  # (S, J) of the noise_models
+    counts: Tensor  # (S, BINS)
+    log_variance: Tensor  # (S,) logarithm of R
 
 
 class OodDetector(torch.nn.Module):
@@ -153,17 +147,11 @@ ENOUGH = 150.0  # counts that symmetry needs; with half of them it is not used
 
 
 class Verdict(NamedTuple):
-    """Reliance on the fallback, and its view of the noise; all (B,).
+    """Reliance on the fallback, and its view of the noise; all (B,)."""
 
-    Attributes:
-        strange: from 0, the noise is like that of the training, to 1.
-        narrower: what R is multiplied by.
-        even: how sure it is that the mean of the noise is zero: one over its variance in units of R.
-    """
-
-    strange: Tensor
-    narrower: Tensor
-    even: Tensor
+    strange: Tensor  # from 0, the noise is like that of the training, to 1
+    narrower: Tensor  # what R is multiplied by
+    even: Tensor  # how sure it is that the mean of the noise is zero: one over its variance in units of R
 
     def bound(self, innovation: Tensor, variance: Tensor) -> Tensor:
         """Return (B,) the share of an innovation [deg] that counts, by its variance [deg^2]."""

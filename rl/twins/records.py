@@ -34,17 +34,11 @@ _MOVING = 0.35  # share of twins whose sheath is bent on during the record
 
 
 class TwinRecords(NamedTuple):
-    """C commands, M members and K twins along each, sampled at `SAMPLE_TIME`.
+    """C commands, M members and K twins along each, sampled at `SAMPLE_TIME`."""
 
-    Attributes:
-        pull_mm: (C, N) command [mm].
-        members_deg: (C, M, N) angle of the members [deg].
-        truth_deg: (C, K, N) angle of the twins that are estimated [deg].
-    """
-
-    pull_mm: Array32
-    members_deg: Array32
-    truth_deg: Array32
+    pull_mm: Array32  # (C, N) command [mm]
+    members_deg: Array32  # (C, M, N) angle of the members [deg]
+    truth_deg: Array32  # (C, K, N) angle of the twins that are estimated [deg]
 
 
 def simulate_records(
@@ -118,29 +112,17 @@ FROM_THE_START = 0.5  # share of sequences that begin where the record begins
 
 
 class Sequences(NamedTuple):
-    """B sequences of N samples of one sample time, time first.
+    """B sequences of N samples of one sample time, time first."""
 
-    Attributes:
-        inputs: what a step predicts by, each (N, B, ...); see `by_members` and `by_model`.
-        measurement_deg: (N, B) [deg].
-        truth_deg: (N, B) [deg].
-        variance: (B,) R [deg^2].
-        bias_deg: (B,) mean of the noise [deg].
-        family: (B,) place of its family among those that are met.
-        linear: (B,) 1 where the linear update is the best there is or near it, else 0.
-        sample_time: (B,) T [s].
-        stride: T in units of that of the records.
-    """
-
-    inputs: tuple[torch.Tensor, ...]
-    measurement_deg: torch.Tensor
-    truth_deg: torch.Tensor
-    variance: torch.Tensor
-    bias_deg: torch.Tensor
-    family: torch.Tensor
-    linear: torch.Tensor
-    sample_time: torch.Tensor
-    stride: int
+    inputs: tuple[torch.Tensor, ...]  # what a step predicts by, (N, B, ...): `by_members` or `by_model`
+    measurement_deg: torch.Tensor  # (N, B) [deg]
+    truth_deg: torch.Tensor  # (N, B) [deg]
+    variance: torch.Tensor  # (B,) R [deg^2]
+    bias_deg: torch.Tensor  # (B,) mean of the noise [deg]
+    family: torch.Tensor  # (B,) place of its family among those that are met
+    linear: torch.Tensor  # (B,) 1 where the linear update is the best there is or near it, else 0
+    sample_time: torch.Tensor  # (B,) T [s]
+    stride: int  # T in units of that of the records
 
     def between(self, begin: int, end: int) -> "Sequences":
         """Return the samples from one to another."""
@@ -184,19 +166,12 @@ class DrawsSequences(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class SequenceSource:
-    """Source of sequences.
+    """Source of sequences."""
 
-    Attributes:
-        records: that stretches are taken from.
-        noises: families of the noise.
-        predict: gives the inputs of the step.
-        strides: sample times in units of that of the records, the most frequent first.
-    """
-
-    records: TwinRecords
-    noises: tuple[str, ...]
-    predict: Prediction = by_members
-    strides: tuple[int, ...] = STRIDES
+    records: TwinRecords  # that stretches are taken from
+    noises: tuple[str, ...]  # families of the noise
+    predict: Prediction = by_members  # gives the inputs of the step
+    strides: tuple[int, ...] = STRIDES  # sample times over that of the records, the most frequent first
 
     def draw(
         self, count: int, samples: int, rng: np.random.Generator, stride: int | None = None

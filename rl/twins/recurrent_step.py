@@ -25,15 +25,10 @@ Tensor = torch.Tensor
 
 
 class MemoryCell(torch.nn.Module):
-    """A step of a memory.
+    """A step of a memory."""
 
-    Attributes:
-        size: numbers that are remembered.
-        width: numbers of the output.
-    """
-
-    size: int
-    width: int
+    size: int  # numbers that are remembered
+    width: int  # numbers of the output
 
     def forward(self, seen: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
         """Return (B, width) the output for (B, n) numbers, and the (B, size) memory after them."""
@@ -138,54 +133,33 @@ LARGEST_BIAS = 4.0  # of the mean of the noise in units of sqrt(R)
 
 
 class RecurrentState(NamedTuple):
-    """State of B filters.
+    """State of B filters."""
 
-    Attributes:
-        values: (B, VALUES) theta [deg], f [deg / s], last measurement [deg], latest correction of theta [deg]
-            and of f [deg / s], last innovation in units of sqrt(R), variance of theta in units of R.
-        hidden: (B, size) memory of the cell.
-        samples: (B,) measured so far.
-    """
-
+    # (B, VALUES) theta [deg], f [deg / s], last measurement [deg], latest correction of theta [deg] and of f
+    # [deg / s], last innovation in units of sqrt(R), variance of theta in units of R
     values: Tensor
-    hidden: Tensor
-    samples: Tensor
+    hidden: Tensor  # (B, size) memory of the cell
+    samples: Tensor  # (B,) measured so far
 
 
 class Sample(NamedTuple):
-    """Sample as it is before the network's update.
+    """Sample as it is before the network's update."""
 
-    Attributes:
-        innovation: (B,) [deg].
-        spread: (B,) variance of theta before it, in units of R.
-        keep: (B,) what a step of the model keeps of the angle.
-        root: (B,) sqrt(R) [deg].
-        seen: (B,) 1 where something was measured.
-    """
-
-    innovation: Tensor
-    spread: Tensor
-    keep: Tensor
-    root: Tensor
-    seen: Tensor
+    innovation: Tensor  # (B,) [deg]
+    spread: Tensor  # (B,) variance of theta before it, in units of R
+    keep: Tensor  # (B,) what a step of the model keeps of the angle
+    root: Tensor  # (B,) sqrt(R) [deg]
+    seen: Tensor  # (B,) 1 where something was measured
 
 
 class Update(NamedTuple):
-    """Changes of a state by one sample.
+    """Changes of a state by one sample."""
 
-    Attributes:
-        bend_deg: (B,) what is added to theta [deg].
-        error: (B,) what is added to f [deg / s].
-        spread: (B,) variance of theta after it, in units of R.
-        bias: (B,) mean of the noise, in units of sqrt(R).
-        bias_variance: (B,) how sure that is, in units of R.
-    """
-
-    bend_deg: Tensor
-    error: Tensor
-    spread: Tensor
-    bias: Tensor
-    bias_variance: Tensor
+    bend_deg: Tensor  # (B,) what is added to theta [deg]
+    error: Tensor  # (B,) what is added to f [deg / s]
+    spread: Tensor  # (B,) variance of theta after it, in units of R
+    bias: Tensor  # (B,) mean of the noise, in units of sqrt(R)
+    bias_variance: Tensor  # (B,) how sure that is, in units of R
 
 
 class RecurrentStep(FilterStep):

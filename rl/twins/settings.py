@@ -22,31 +22,9 @@ MOST_LAYERS = 8
 
 @dataclasses.dataclass(frozen=True)
 class SimulatedTraining:
-    """Settings of a training on simulated twins.
+    """Settings of a training on simulated twins."""
 
-    Attributes:
-        lengths: settings that are scaled where a training is to be longer or shorter, and the least of each.
-        gains: ways in which the policy may learn: by back-propagation through the filter, by PPO, or by PPO
-            from what back-propagation found.
-        commands: C, along which twins are simulated.
-        twins: K along each command, whose angle is estimated.
-        seconds: length of a record.
-        stroke_mm: that commands lie within, of any width and place.
-        sequences: with their own noise, that run side by side.
-        episode: samples until all begin again, on other records.
-        window: samples that an error is traced back over.
-        updates: gradient steps through the filter, one per window.
-        interval_sequences: that the width of the interval is learned from.
-        interval_updates: gradient steps of that.
-        learning_rate: of Adam through the filter at the start; it falls to zero along a cosine.
-        linear_penalty: weight of what the policy does where doing nothing is best.
-        bias_weight: weight of the loss of the mean of the noise next to the error of the estimate.
-        noises: families of `rl.twins.noises` that are met.
-        gain: how the policy learns, one of `gains`.
-        sample_times: T that are met, the most frequent first, of `SAMPLE_TIMES` [s].
-        seed: of everything that is drawn.
-    """
-
+    # settings that are scaled where a training is to be longer or shorter, and the least of each
     lengths: ClassVar[dict[str, int]] = {
         "commands": 6,
         "updates": 1,
@@ -54,25 +32,26 @@ class SimulatedTraining:
         "interval_updates": 1,
     }
 
+    # how the policy may learn: by back-propagation through the filter, by PPO, or by PPO from what that found
     gains: ClassVar[tuple[tuple[str, ...], ...]] = (("analytic",),)
 
-    commands: int = 90
-    twins: int = 8
-    seconds: float = 40.0
-    stroke_mm: tuple[float, float] = STROKE_MM
-    sequences: int = 128
-    episode: int = 300
-    window: int = 50
-    updates: int = 1800
-    interval_sequences: int = 1536
-    interval_updates: int = 1500
-    learning_rate: float = 1e-2
-    linear_penalty: float = 0.3
-    bias_weight: float = 0.05
-    noises: tuple[str, ...] = STANDARD
-    gain: tuple[str, ...] = ("analytic",)
-    sample_times: tuple[float, ...] = SAMPLE_TIMES
-    seed: int = 0
+    commands: int = 90  # C, along which twins are simulated
+    twins: int = 8  # K along each command, whose angle is estimated
+    seconds: float = 40.0  # length of a record
+    stroke_mm: tuple[float, float] = STROKE_MM  # that commands lie within, of any width and place
+    sequences: int = 128  # with their own noise, that run side by side
+    episode: int = 300  # samples until all begin again, on other records
+    window: int = 50  # samples that an error is traced back over
+    updates: int = 1800  # gradient steps through the filter, one per window
+    interval_sequences: int = 1536  # that the width of the interval is learned from
+    interval_updates: int = 1500  # gradient steps of that
+    learning_rate: float = 1e-2  # of Adam through the filter at the start; it falls to zero along a cosine
+    linear_penalty: float = 0.3  # weight of what the policy does where doing nothing is best
+    bias_weight: float = 0.05  # weight of the loss of the mean of the noise next to the error of the estimate
+    noises: tuple[str, ...] = STANDARD  # families of `rl.twins.noises` that are met
+    gain: tuple[str, ...] = ("analytic",)  # how the policy learns, one of `gains`
+    sample_times: tuple[float, ...] = SAMPLE_TIMES  # T that are met, the most frequent first [s]
+    seed: int = 0  # of everything that is drawn
 
     def __post_init__(self) -> None:
         check_families(self.noises)
@@ -112,13 +91,9 @@ class SimulatedTraining:
 
 @dataclasses.dataclass(frozen=True)
 class NetworkTraining(SimulatedTraining):
-    """Settings of the training of RAM (memory), or of a rival of RAM (twins).
+    """Settings of the training of RAM (memory), or of a rival of RAM (twins)."""
 
-    Attributes:
-        width: outputs of its memory, or channels of it.
-    """
-
-    width: int = 48
+    width: int = 48  # outputs of its memory, or channels of it
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -127,25 +102,7 @@ class NetworkTraining(SimulatedTraining):
 
 @dataclasses.dataclass(frozen=True)
 class TwinsTraining(SimulatedTraining):
-    """Settings of the training of RAM (twins).
-
-    Attributes:
-        sequences: with their own noise, that run side by side.
-        window: samples that an error is traced back over: shorter windows of more sequences take less time.
-        updates: gradient steps through the filter, one per window; the last third gained next to nothing.
-        members: M, twins that the prediction is made of.
-        moving: how many of them are in a sheath that moves.
-        rank: r, directions among them that are estimated.
-        policy_layers: of the policy; 0 for one that is linear in what it sees.
-        policy_width: units of each; what a search took, as the learning rate: docs/ram_twins.md.
-        with_error: whether what no member does is estimated.
-        with_classifier: whether there are noise models to choose among; without them it is
-            normal.
-        noise_model_sequences: of noise that the noise models are learned from first.
-        noise_model_updates: gradient steps of that.
-        noise_model_rate: step of Adam of that at the start; it falls to zero along a cosine.
-        ppo_samples: of PPO, rounded up to whole horizons.
-    """
+    """Settings of the training of RAM (twins)."""
 
     lengths: ClassVar[dict[str, int]] = SimulatedTraining.lengths | {
         "noise_model_sequences": 64,
@@ -154,20 +111,20 @@ class TwinsTraining(SimulatedTraining):
     }
     gains = (("analytic",), ("ppo",), ("analytic", "ppo"))
 
-    sequences: int = 256
-    window: int = 25
-    updates: int = 900
-    members: int = 40
-    moving: int = 16
-    rank: int = 28
-    policy_layers: int = 2
-    policy_width: int = 96
-    with_error: bool = True
-    with_classifier: bool = True
-    noise_model_sequences: int = 8192
-    noise_model_updates: int = 1500
-    noise_model_rate: float = 3e-2
-    ppo_samples: int = 48 * PPO_HORIZON
+    sequences: int = 256  # with their own noise, that run side by side
+    window: int = 25  # an error is traced back over it: shorter windows of more sequences are faster
+    updates: int = 900  # gradient steps, one per window; the last third gained next to nothing
+    members: int = 40  # M, twins that the prediction is made of
+    moving: int = 16  # how many of them are in a sheath that moves
+    rank: int = 28  # r, directions among them that are estimated
+    policy_layers: int = 2  # of the policy; 0 for one that is linear in what it sees
+    policy_width: int = 96  # units of each; what a search took, as the learning rate: docs/ram_twins.md
+    with_error: bool = True  # whether what no member does is estimated
+    with_classifier: bool = True  # whether there are noise models to choose among; without them it is normal
+    noise_model_sequences: int = 8192  # of noise that the noise models are learned from first
+    noise_model_updates: int = 1500  # gradient steps of that
+    noise_model_rate: float = 3e-2  # step of Adam of that at the start; it falls to zero along a cosine
+    ppo_samples: int = 48 * PPO_HORIZON  # of PPO, rounded up to whole horizons
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -47,66 +47,36 @@ STATISTICS = 4
 
 
 class FilterState(NamedTuple):
-    """State of B filters.
+    """State of B filters."""
 
-    Attributes:
-        mean: (B, r + 2) of c, d [deg] and b [deg], of the filter alone.
-        covariance: (B, r + 2, r + 2) of it.
-        counts: (B, BINS) histogram of its residuals.
-        samples: (B,) measured so far.
-        statistics: (B, STATISTICS) running means of the innovation, of its product with the one before and of
-            its normalised square, and the last one.
-        rows: (B, J, r + 1) of c and d, by noise model of the noise.
-        rows_covariance: (B, r + 1, r + 1) of each of them.
-        evidence: (B, J) logarithm of how likely each noise model made what was measured.
-    """
-
-    mean: Tensor
-    covariance: Tensor
-    counts: Tensor
-    samples: Tensor
-    statistics: Tensor
-    rows: Tensor
-    rows_covariance: Tensor
-    evidence: Tensor
+    mean: Tensor  # (B, r + 2) of c, d [deg] and b [deg], of the filter alone
+    covariance: Tensor  # (B, r + 2, r + 2) of it
+    counts: Tensor  # (B, BINS) histogram of its residuals
+    samples: Tensor  # (B,) measured so far
+    statistics: Tensor  # (B, STATISTICS) running means of the innovation, see `recent`
+    rows: Tensor  # (B, J, r + 1) of c and d, by noise model of the noise
+    rows_covariance: Tensor  # (B, r + 1, r + 1) of each of them
+    evidence: Tensor  # (B, J) logarithm of how likely each noise model made what was measured
 
 
 class Predicted(NamedTuple):
-    """Prediction for a sample, and its innovation.
+    """Prediction for a sample, and its innovation."""
 
-    Attributes:
-        state: after the sample before.
-        filter_bank: as predicted, with its belief about the noise.
-        middle: (B,) mean angle of the members [deg].
-        keep: (B, r + 1) what is left of c and d since the sample before.
-        growth: what their variances grow by, (B, r + 1) of d, times an action of the policy, and of c.
-        measured: (B,) measurement about the middle [deg]; where there is none, what was expected.
-        innovation: (B,) in units of sqrt(R).
-        doubt: (B,) variance of the angle in units of R.
-        seen: (B,) 1 where something was measured.
-        variance: (B,) R [deg^2].
-        sample_time: (B,) T [s].
-        features: (B, J + SCALARS) what the policy sees.
-        policy_on: weight of the policy.
-        classifier_on: weight of the noise classifier.
-        verdict: of the fallback; None while the step learns, when nothing is strange.
-    """
-
-    state: FilterState
-    filter_bank: FilterBankPrediction
-    middle: Tensor
-    keep: Tensor
-    growth: tuple[Tensor, Tensor]
-    measured: Tensor
-    innovation: Tensor
-    doubt: Tensor
-    seen: Tensor
-    variance: Tensor
-    sample_time: Tensor
-    features: Tensor
-    policy_on: Tensor
-    classifier_on: Tensor
-    verdict: Verdict | None
+    state: FilterState  # after the sample before
+    filter_bank: FilterBankPrediction  # as predicted, with its belief about the noise
+    middle: Tensor  # (B,) mean angle of the members [deg]
+    keep: Tensor  # (B, r + 1) what is left of c and d since the sample before
+    growth: tuple[Tensor, Tensor]  # of variances: (B, r + 1) of d, times an action of the policy, and of c
+    measured: Tensor  # (B,) measurement about the middle [deg]; where there is none, what was expected
+    innovation: Tensor  # (B,) in units of sqrt(R)
+    doubt: Tensor  # (B,) variance of the angle in units of R
+    seen: Tensor  # (B,) 1 where something was measured
+    variance: Tensor  # (B,) R [deg^2]
+    sample_time: Tensor  # (B,) T [s]
+    features: Tensor  # (B, J + SCALARS) what the policy sees
+    policy_on: Tensor  # weight of the policy
+    classifier_on: Tensor  # weight of the noise classifier
+    verdict: Verdict | None  # of the fallback; None while the step learns, when nothing is strange
 
 
 FIRST_BIAS = 0.85  # variance of b in units of R before anything is measured
@@ -114,19 +84,12 @@ BIAS_PER_S = 3e-4  # growth of the variance of b in units of R: a sensor may cha
 
 
 class PlainEstimate(NamedTuple):
-    """Estimate of the filter alone; all (B,).
+    """Estimate of the filter alone; all (B,)."""
 
-    Attributes:
-        offset: angle about the mean of the members [deg].
-        variance: of it [deg^2].
-        residual: what is left of the measurement, in units of sqrt(R).
-        doubt: variance of the prediction of the measurement, in units of R.
-    """
-
-    offset: Tensor
-    variance: Tensor
-    residual: Tensor
-    doubt: Tensor
+    offset: Tensor  # angle about the mean of the members [deg]
+    variance: Tensor  # of it [deg^2]
+    residual: Tensor  # what is left of the measurement, in units of sqrt(R)
+    doubt: Tensor  # variance of the prediction of the measurement, in units of R
 
 
 class PlainFilter(torch.nn.Module):

@@ -152,16 +152,11 @@ class UnscentedActiveModel(ActiveModel):
     Scaled as by Wan and van der Merwe (2000). At alpha = 1 the weights are between 1/6 and 1/3 and the
     covariance is positive for any model; 1e-3, as often printed, gives weights of 1e6 that cancel. kappa =
     3 - n and beta = 2 (1 - alpha^2) = 0 then match the fourth moment of a normal angle.
-
-    Attributes:
-        alpha: spread of the points, above 0.
-        beta: added to the weight of the centre in the covariance.
-        kappa: second parameter of the spread, above -2.
     """
 
-    alpha: float = 1.0
-    beta: float = 0.0
-    kappa: float = 1.0
+    alpha: float = 1.0  # spread of the points, above 0
+    beta: float = 0.0  # added to the weight of the centre in the covariance
+    kappa: float = 1.0  # second parameter of the spread, above -2
 
     def __post_init__(self) -> None:
         if not (self.alpha > 0 and self.kappa > -2):

@@ -64,17 +64,11 @@ def huber_variance(distance: Array, spread: Array, variance: Array, threshold: f
 
 
 class AdaptiveBelief(NamedTuple):
-    """Belief in the state of B filters and in the variance of their measurements.
+    """Belief in the state of B filters and in the variance of their measurements."""
 
-    Attributes:
-        state: belief in angle and model error.
-        shape: alpha, (B,).
-        scale: beta, (B,) [deg^2].
-    """
-
-    state: Belief
-    shape: Array
-    scale: Array
+    state: Belief  # belief in angle and model error
+    shape: Array  # alpha, (B,)
+    scale: Array  # beta, (B,) [deg^2]
 
     @property
     def measurement_variance(self) -> Array:
@@ -217,14 +211,10 @@ class InteractingModels(Estimator[InteractingState]):
     Between samples a device may go from one model to another by a Markov chain: the beliefs are mixed by its
     probabilities, each filter takes its step, and the probability of each is multiplied by the likelihood of
     the measurement under it.
-
-    Attributes:
-        filters: K of them.
-        stays: probability that the same one holds at the next sample.
     """
 
-    filters: tuple[ActiveModel, ...]
-    stays: float = 0.95
+    filters: tuple[ActiveModel, ...]  # K of them
+    stays: float = 0.95  # probability that the same one holds at the next sample
 
     def __post_init__(self) -> None:
         if len(self.filters) < 2:

@@ -33,21 +33,13 @@ WIDER = 0.1  # share of a range of the training by which a limit lies beyond it
 
 @dataclasses.dataclass(frozen=True)
 class Deployment:
-    """A trusted fallback, and the ranges that a trained estimator has met.
+    """A trusted fallback, and the ranges that a trained estimator has met."""
 
-    Attributes:
-        fallback: the active model with tuned noise (AM-tuned), at the sample time of the training.
-        pull_mm: lowest and highest pulling distance of the training [mm].
-        bend_deg: lowest and highest angle [deg].
-        pull_speed_mm_s: of the fastest command [mm / s].
-        bend_speed_deg_s: of the fastest motion [deg / s].
-    """
-
-    fallback: ActiveModel
-    pull_mm: tuple[float, float]
-    bend_deg: tuple[float, float]
-    pull_speed_mm_s: float
-    bend_speed_deg_s: float
+    fallback: ActiveModel  # the active model with tuned noise (AM-tuned), at the sample time of the training
+    pull_mm: tuple[float, float]  # lowest and highest pulling distance of the training [mm]
+    bend_deg: tuple[float, float]  # lowest and highest angle [deg]
+    pull_speed_mm_s: float  # of the fastest command [mm / s]
+    bend_speed_deg_s: float  # of the fastest motion [deg / s]
 
     def fallback_at(self, sample_time: float, noise_variance: float) -> ActiveModel:
         """Return the fallback for a sample time [s] and a sensor [deg^2].

@@ -41,17 +41,11 @@ _LEAST = 10  # samples for which a record must follow a command
 
 
 class EnsembleState(NamedTuple):
-    """Coefficients of B filters, and the covariance that they share, as all know the same noise.
+    """Coefficients of B filters, and the covariance that they share, as all know the same noise."""
 
-    Attributes:
-        sample: number of the latest sample.
-        mean: (M, B) of the coefficients.
-        covariance: (M, M) of the coefficients.
-    """
-
-    sample: int
-    mean: Array
-    covariance: Array
+    sample: int  # number of the latest sample
+    mean: Array  # (M, B) of the coefficients
+    covariance: Array  # (M, M) of the coefficients
 
 
 @dataclasses.dataclass(frozen=True)
@@ -195,21 +189,13 @@ def posterior_bound(
 
 
 class ParticleState(NamedTuple):
-    """Mixtures of B filters.
+    """Mixtures of B filters."""
 
-    Attributes:
-        sample: number of the latest sample.
-        centre: (M, B) coefficients that the places of the kernels are counted from.
-        places: (M, M) of the kernel of each member about the centre, a column each.
-        covariance: (M, M) of each kernel.
-        log_weights: (M, B) log-likelihood of all measurements under each kernel.
-    """
-
-    sample: int
-    centre: Array
-    places: Array
-    covariance: Array
-    log_weights: Array
+    sample: int  # number of the latest sample
+    centre: Array  # (M, B) coefficients that the places of the kernels are counted from
+    places: Array  # (M, M) of the kernel of each member about the centre, a column each
+    covariance: Array  # (M, M) of each kernel
+    log_weights: Array  # (M, B) log-likelihood of all measurements under each kernel
 
     @property
     def log_evidence(self) -> Array:

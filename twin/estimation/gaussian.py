@@ -16,17 +16,11 @@ Array = NDArray[np.float64]
 
 
 class Belief(NamedTuple):
-    """Mean and covariance of the state of B filters, and the memory of their model.
+    """Mean and covariance of the state of B filters, and the memory of their model."""
 
-    Attributes:
-        mean: (n, B); first the bending angle [deg].
-        covariance: (n, n, B).
-        memory: (m, B) of the model of hysteresis.
-    """
-
-    mean: Array
-    covariance: Array
-    memory: Array
+    mean: Array  # (n, B); first the bending angle [deg]
+    covariance: Array  # (n, n, B)
+    memory: Array  # (m, B) of the model of hysteresis
 
 
 DEVIATIONS_OF_95 = 1.959963984540054

@@ -22,21 +22,13 @@ TrainingRecord = tuple[Array, Array]  # `(pull_mm (N,), truth_deg (N,))` of a tr
 
 @dataclasses.dataclass(frozen=True)
 class TrainingTask:
-    """Training records of equal length, and what is drawn for every trial.
+    """Training records of equal length, and what is drawn for every trial."""
 
-    Attributes:
-        pull_mm: (records, N) pulling distance [mm].
-        bend_deg: (records, N) true bending angle, for measurements and rewards, never observed [deg].
-        noise: kind of the measurement noise.
-        noise_level: its level: the paper trains at R = 0.1.
-        initial_error_deg: largest error of the initial estimate, evenly drawn [deg].
-    """
-
-    pull_mm: Array
-    bend_deg: Array
-    noise: str = "gaussian"
-    noise_level: float = 0.1
-    initial_error_deg: float = 20.0
+    pull_mm: Array  # (records, N) pulling distance [mm]
+    bend_deg: Array  # (records, N) true bending angle, for measurements and rewards, never observed [deg]
+    noise: str = "gaussian"  # kind of the measurement noise
+    noise_level: float = 0.1  # its level: the paper trains at R = 0.1
+    initial_error_deg: float = 20.0  # largest error of the initial estimate, evenly drawn [deg]
 
     def draw(
         self, count: int, rng: np.random.Generator, first: NDArray[np.int64] | int = 0

@@ -22,31 +22,18 @@ class Style:
 
 @dataclasses.dataclass(frozen=True)
 class Presentation:
-    """Presentation of a method in comparisons.
+    """Presentation of a method in comparisons."""
 
-    Attributes:
-        family: kind of method; an ensemble is what others are measured against, and has no rank.
-        in_paper_suite: whether the suite `paper` compares it.
-        on_request: whether the suite `full` compares it only where it is named or its trained file is given.
-        in_paper_tables: whether the full suite shows it in the paper's tables too.
-        paper_column: its column in the paper's Tables II and III, from the left, if it has one.
-        paper_figures: figures of the paper that show it.
-        proposed: whether it is the method that the paper proposes.
-        leading: whether it is this project's own method, which a report is about where it was compared.
-        is_limit: whether other methods are measured against it.
-        style: in figures; a grey one by its place where it has none of its own.
-    """
-
-    family: Family
-    in_paper_suite: bool = False
-    on_request: bool = False
-    in_paper_tables: bool = False
-    paper_column: int | None = None
-    paper_figures: tuple[int, ...] = ()
-    proposed: bool = False
-    leading: bool = False
-    is_limit: bool = False
-    style: Style | None = None
+    family: Family  # kind of method; an ensemble is what others are measured against, and has no rank
+    in_paper_suite: bool = False  # whether the suite `paper` compares it
+    on_request: bool = False  # the suite `full` compares it only where it is named or its file is given
+    in_paper_tables: bool = False  # whether the full suite shows it in the paper's tables too
+    paper_column: int | None = None  # its column in the paper's Tables II and III, from the left, if any
+    paper_figures: tuple[int, ...] = ()  # figures of the paper that show it
+    proposed: bool = False  # whether it is the method that the paper proposes
+    leading: bool = False  # this project's own method, which a report is about where it was compared
+    is_limit: bool = False  # whether other methods are measured against it
+    style: Style | None = None  # in figures; a grey one by its place where it has none of its own
 
 
 def _paper(

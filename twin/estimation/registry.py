@@ -27,23 +27,14 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Training:
-    """Training of a learned method, as the command line and a run folder name it.
+    """Training of a learned method, as the command line and a run folder name it."""
 
-    Attributes:
-        agent: word of `endotwin train --agent`.
-        file: name of the trained file in a run folder.
-        load: reads such a file.
-        purpose: a few words for the help of the command line.
-        same_filter: whether it runs with the very filter that it was trained with, and no other.
-        on_twins: whether it is trained on simulated twins of a preset, without records, for any sample time.
-    """
-
-    agent: str
-    file: str
-    load: "Callable[[Path], Estimator[Any]]"
-    purpose: str
-    same_filter: bool = False
-    on_twins: bool = False
+    agent: str  # word of `endotwin train --agent`
+    file: str  # name of the trained file in a run folder
+    load: "Callable[[Path], Estimator[Any]]"  # reads such a file
+    purpose: str  # a few words for the help of the command line
+    same_filter: bool = False  # whether it runs with the very filter that it was trained with, and no other
+    on_twins: bool = False  # trained on simulated twins of a preset, without records, for any T
 
 
 @dataclasses.dataclass(frozen=True)

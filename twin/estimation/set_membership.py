@@ -33,14 +33,10 @@ class Ellipsoid(NamedTuple):
     """B ellipsoids {x: (x - c)^T P^-1 (x - c) <= 1}, each the smallest of its family (Schweppe 1968).
 
     Areas are minimised, so that units of the coordinates do not matter.
-
-    Attributes:
-        centre: c, (2, B).
-        shape: P, (2, 2, B).
     """
 
-    centre: Array
-    shape: Array
+    centre: Array  # c, (2, B)
+    shape: Array  # P, (2, 2, B)
 
     @property
     def covariance(self) -> Array:
@@ -112,19 +108,12 @@ def _widened(centre: Array, shape: Array) -> Ellipsoid:
 
 @dataclasses.dataclass(frozen=True)
 class ErrorBound:
-    """Bounds on the one-step error of a model.
+    """Bounds on the one-step error of a model."""
 
-    Attributes:
-        slope_deg_per_mm: of w, per move of the command [deg / mm].
-        floor_deg: of w, at rest [deg].
-        error_deg_per_s: of f [deg / s].
-        increment_deg_per_s: of the change of f from sample to sample [deg / s].
-    """
-
-    slope_deg_per_mm: float
-    floor_deg: float
-    error_deg_per_s: float = 0.0
-    increment_deg_per_s: float = 0.0
+    slope_deg_per_mm: float  # of w, per move of the command [deg / mm]
+    floor_deg: float  # of w, at rest [deg]
+    error_deg_per_s: float = 0.0  # of f [deg / s]
+    increment_deg_per_s: float = 0.0  # of the change of f from sample to sample [deg / s]
 
     def __post_init__(self) -> None:
         values = dataclasses.astuple(self)
@@ -185,19 +174,12 @@ def _step_errors(model: HysteresisModel, pull_mm: Array, bend_deg: Array) -> tup
 
 
 class FeasibleSet(NamedTuple):
-    """The set of B filters: the points of [theta, f] in an ellipsoid and in a box.
+    """The set of B filters: the points of [theta, f] in an ellipsoid and in a box."""
 
-    Attributes:
-        ellipsoid: one of the two sets.
-        low: (2, B) of the box [deg], [deg / s].
-        high: (2, B).
-        memory: (m, B) of the model of hysteresis.
-    """
-
-    ellipsoid: Ellipsoid
-    low: Array
-    high: Array
-    memory: Array
+    ellipsoid: Ellipsoid  # one of the two sets
+    low: Array  # (2, B) of the box [deg], [deg / s]
+    high: Array  # (2, B)
+    memory: Array  # (m, B) of the model of hysteresis
 
 
 @dataclasses.dataclass(frozen=True)

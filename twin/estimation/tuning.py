@@ -31,19 +31,12 @@ _SAMPLE_TIME = 0.02  # of the simulations [s]
 
 
 class TrainingEpisodes(NamedTuple):
-    """Training records with noise and a wrong first estimate; B of N samples.
+    """Training records with noise and a wrong first estimate; B of N samples."""
 
-    Attributes:
-        pull_mm: (B, N) [mm].
-        measurement_deg: (B, N) [deg].
-        initial_bend_deg: (B,) [deg].
-        bend_deg: (B, N) truth [deg].
-    """
-
-    pull_mm: Array
-    measurement_deg: Array
-    initial_bend_deg: Array
-    bend_deg: Array
+    pull_mm: Array  # (B, N) [mm]
+    measurement_deg: Array  # (B, N) [deg]
+    initial_bend_deg: Array  # (B,) [deg]
+    bend_deg: Array  # (B, N) truth [deg]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,19 +113,12 @@ def innovation_log_likelihood(
 
 @dataclasses.dataclass(frozen=True)
 class LikelihoodFit:
-    """Variances of an active model that make the measured training records most likely.
+    """Variances of an active model that make the measured training records most likely."""
 
-    Attributes:
-        key: name in the file of fits.
-        model: name of the model of hysteresis.
-        unscented: whether the filter is an unscented one.
-        measurement_variance: whether R is fitted too, and kept whatever the sensor states.
-    """
-
-    key: str
-    model: str
-    unscented: bool = False
-    measurement_variance: bool = False
+    key: str  # name in the file of fits
+    model: str  # name of the model of hysteresis
+    unscented: bool = False  # whether the filter is an unscented one
+    measurement_variance: bool = False  # whether R is fitted too, and kept whatever the sensor states
 
     def find(self, knowledge: Knowledge) -> dict[str, Any]:
         """Return the variances by the names of the fields of `ActiveModel`."""

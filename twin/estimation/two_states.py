@@ -24,25 +24,15 @@ Number = TypeVar("Number", float, NDArray[np.float64])
 
 
 class TwoStates(NamedTuple):
-    """Belief of one filter, and the innovation of its last measurement.
+    """Belief of one filter, and the innovation of its last measurement."""
 
-    Attributes:
-        bend_deg: angle [deg].
-        error: of the model [deg / s].
-        p: variance of the angle [deg^2].
-        r: covariance of both [deg^2 / s].
-        q: variance of the error [deg^2 / s^2].
-        innovation_deg: measurement minus prediction; zero without a measurement [deg].
-        expected: variance of the innovation that the belief expected, R included [deg^2].
-    """
-
-    bend_deg: float
-    error: float
-    p: float
-    r: float
-    q: float
-    innovation_deg: float = 0.0
-    expected: float = 1.0
+    bend_deg: float  # angle [deg]
+    error: float  # of the model [deg / s]
+    p: float  # variance of the angle [deg^2]
+    r: float  # covariance of both [deg^2 / s]
+    q: float  # variance of the error [deg^2 / s^2]
+    innovation_deg: float = 0.0  # measurement minus prediction; zero without a measurement [deg]
+    expected: float = 1.0  # variance of the innovation that the belief expected, R included [deg^2]
 
 
 def predicted(

@@ -38,19 +38,14 @@ INNOVATION_SECONDS = 0.1
 
 
 class Comparison(NamedTuple):
-    """Result of a comparison.
+    """Result of a comparison."""
 
-    Attributes:
-        scores: of every method under every noise, group by group.
-        tracks: by noise, the first record under the first seed, with the estimates of all methods.
-        rankings: of every group.
-        squares: mean square errors of each score: (K, R, S) of K training runs on R records under S draws of
-            the noise; a record is weighted by its number of samples [deg^2].
-    """
-
-    scores: list[Score]
+    scores: list[Score]  # of every method under every noise, group by group
+    # by noise, the first record under the first seed, with the estimates of all methods
     tracks: dict[Condition, Record]
-    rankings: list[Ranking]
+    rankings: list[Ranking]  # of every group
+    # mean square errors of each score: (K, R, S) of K training runs on R records under S draws of the noise;
+    # a record is weighted by its number of samples [deg^2]
     squares: list[Array]
 
 

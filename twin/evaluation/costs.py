@@ -20,18 +20,13 @@ VARIANCE_DEG2 = 1.0  # R of the noise that they have [deg^2]
 
 @dataclasses.dataclass(frozen=True)
 class Cost:
-    """Costs of a method: of a sample, and of its training.
+    """Costs of a method: of a sample, and of its training."""
 
-    Attributes:
-        sample_us: median time of a sample of one stream on one core, in this process and machine [us]; None
-            for methods that need a complete record.
-        parameters: number of learned parameters; None where nothing is learned or it is unknown.
-        training_s: mean processor time of a training run [s]; None where it is unknown.
-    """
-
+    # median time of a sample of one stream on one core, in this process and machine [us]; None for methods
+    # that need a complete record
     sample_us: float | None = None
-    parameters: int | None = None
-    training_s: float | None = None
+    parameters: int | None = None  # number of learned parameters; None if unknown or none
+    training_s: float | None = None  # mean processor time of a training run [s]; None where it is unknown
 
 
 def method_costs(

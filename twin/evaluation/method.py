@@ -98,35 +98,23 @@ def runs_of(case: Case, chosen: Mask) -> Case:
 
 
 class Estimates(NamedTuple):
-    """Estimates of the B runs of a case.
+    """Estimates of the B runs of a case."""
 
-    Attributes:
-        bend_deg: (B, N) [deg].
-        half_width_deg: (B, N) half of the 95 % intervals [deg]; None where none are stated.
-        nis: mean squared innovation of each first draw of a noise on a record in units of its stated
-            variance, NaN where there is none; None where it is not known.
-    """
-
-    bend_deg: Array
-    half_width_deg: Array | None = None
+    bend_deg: Array  # (B, N) [deg]
+    half_width_deg: Array | None = None  # (B, N) half of the 95 % intervals [deg]; None where none are stated
+    # mean squared innovation of each first draw of a noise on a record in units of its stated variance, NaN
+    # where there is none; None where it is not known
     nis: Array | None = None
 
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """A function of a case under a name.
+    """A function of a case under a name."""
 
-    Attributes:
-        name: in the tables.
-        estimate: returns (B, N) estimated angles [deg].
-        oracle: whether it is shown the truth: such a row is labelled, and no deployable result.
-        others: further training runs of the same method, or ensembles: its row has their mean and spread.
-    """
-
-    name: str
-    estimate: CaseEstimator
-    oracle: bool = False
-    others: tuple[CaseEstimator, ...] = ()
+    name: str  # in the tables
+    estimate: CaseEstimator  # returns (B, N) estimated angles [deg]
+    oracle: bool = False  # whether it is shown the truth: such a row is labelled, and no deployable result
+    others: tuple[CaseEstimator, ...] = ()  # further training runs, or ensembles: a row has mean and spread
 
     def run(self, case: Case, seeds: int, samples: range) -> Iterator[Estimates]:
         """Yield the estimates of each training run, those of the first with its innovations."""

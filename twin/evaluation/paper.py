@@ -19,19 +19,12 @@ INDICES = ("mae_deg", "rmse_deg", "md_deg", "var_deg2")
 
 @dataclasses.dataclass(frozen=True)
 class PaperTable:
-    """One of the paper's tables of results.
+    """One of the paper's tables of results."""
 
-    Attributes:
-        number: in the paper.
-        noise: kind of the measurement noise, as in `evaluation.json`.
-        symbol: of the noise level, in the paper.
-        values: by level and index, one value for each column.
-    """
-
-    number: str
-    noise: str
-    symbol: str
-    values: dict[float, dict[str, tuple[float, float, float, float]]]
+    number: str  # in the paper
+    noise: str  # kind of the measurement noise, as in `evaluation.json`
+    symbol: str  # of the noise level, in the paper
+    values: dict[float, dict[str, tuple[float, float, float, float]]]  # by level and index, for each column
 
 
 TABLES = (

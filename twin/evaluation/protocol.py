@@ -54,23 +54,14 @@ SUITES = {
 
 @dataclasses.dataclass(frozen=True)
 class Protocol:
-    """Conditions under which methods are compared; the defaults are the paper's, as far as it states them.
+    """Conditions under which methods are compared; the defaults are the paper's, as far as it states them."""
 
-    Attributes:
-        suite: one of `SUITES`: the noises.
-        seeds: draws of each noise.
-        sample_time_s: T [s].
-        initial_error_deg: error of the initial estimate [deg].
-        seed: of the draws.
-        recorded_variance: R of recorded measurements, where they are used instead of drawn noise [deg^2].
-    """
-
-    suite: str = "paper"
-    seeds: int = 20
-    sample_time_s: float = 0.1
-    initial_error_deg: float = 20.0
-    seed: int = 0
-    recorded_variance: float | None = None
+    suite: str = "paper"  # one of `SUITES`: the noises
+    seeds: int = 20  # draws of each noise
+    sample_time_s: float = 0.1  # T [s]
+    initial_error_deg: float = 20.0  # error of the initial estimate [deg]
+    seed: int = 0  # of the draws
+    recorded_variance: float | None = None  # R of recorded measurements, used instead of drawn noise [deg^2]
 
     def __post_init__(self) -> None:
         if self.suite not in SUITES:

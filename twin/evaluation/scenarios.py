@@ -46,25 +46,15 @@ TOLERANCE_DEG = 0.05
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
-    """Endoscope and command of one record.
+    """Endoscope and command of one record."""
 
-    Attributes:
-        twin: kind of twin: `nominal`, `randomized`, `bending sheath`, `member` of an ensemble, ...
-        preset: the endoscope.
-        signal: kind of command.
-        stroke_mm: lowest and highest pulling distance [mm].
-        pull: (N,) command [m].
-        sheath_bend: (N,) where the sheath is bent during the record [rad].
-        tip_force: (N,) that pushes the tip sideways, in MuJoCo alone [N].
-    """
-
-    twin: str
-    preset: Preset
-    signal: str
-    stroke_mm: tuple[float, float]
-    pull: Array
-    sheath_bend: Array | None = None
-    tip_force: Array | None = None
+    twin: str  # kind of twin: `nominal`, `randomized`, `bending sheath`, `member` of an ensemble,
+    preset: Preset  # the endoscope
+    signal: str  # kind of command
+    stroke_mm: tuple[float, float]  # lowest and highest pulling distance [mm]
+    pull: Array  # (N,) command [m]
+    sheath_bend: Array | None = None  # (N,) where the sheath is bent during the record [rad]
+    tip_force: Array | None = None  # (N,) that pushes the tip sideways, in MuJoCo alone [N]
 
 
 def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Scenario]:
@@ -239,25 +229,15 @@ def write_scenarios(
 
 
 class Fingerprint(BaseModel):
-    """Recipe of a published test set and angles that it is recognised by: `frozen_test_set.json`.
+    """Recipe of a published test set and angles that it is recognised by: `frozen_test_set.json`."""
 
-    Attributes:
-        name: of the test set; another one has another name.
-        preset: packaged preset that is randomised.
-        seconds: length of each record [s].
-        seed: of commands and twins.
-        drives_sha256: SHA-256 of all that is simulated (`scripts/studies/freeze_test_set.py`).
-        times_s: times of the angles [s].
-        bends_deg: angle of each record at these times [deg].
-    """
-
-    name: str
-    preset: str
-    seconds: float
-    seed: int
-    drives_sha256: str
-    times_s: list[float]
-    bends_deg: list[list[float]]
+    name: str  # of the test set; another one has another name
+    preset: str  # packaged preset that is randomised
+    seconds: float  # length of each record [s]
+    seed: int  # of commands and twins
+    drives_sha256: str  # SHA-256 of all that is simulated (`scripts/studies/freeze_test_set.py`)
+    times_s: list[float]  # times of the angles [s]
+    bends_deg: list[list[float]]  # angle of each record at these times [deg]
 
 
 @functools.cache

@@ -64,27 +64,16 @@ OTHER_STREAMS = 5  # the first number of a stream that a check may use
 
 @dataclasses.dataclass(frozen=True)
 class Effort:
-    """Amount of evidence.
+    """Amount of evidence."""
 
-    Attributes:
-        kinds: kinds of signal on each of three strokes.
-        twins: along each command.
-        draws: of each noise on each twin.
-        log_draws: of each noise on each log.
-        seconds: length of a run [s].
-        log_samples: of a log that are used, at most.
-        hostile: inputs that a graph is tried on.
-        pushes: samples that the latency is measured on.
-    """
-
-    kinds: int = 5
-    twins: int = 4
-    draws: int = 2
-    log_draws: int = 4
-    seconds: float = 25.0
-    log_samples: int = 1200
-    hostile: int = 40_000
-    pushes: int = 600
+    kinds: int = 5  # kinds of signal on each of three strokes
+    twins: int = 4  # along each command
+    draws: int = 2  # of each noise on each twin
+    log_draws: int = 4  # of each noise on each log
+    seconds: float = 25.0  # length of a run [s]
+    log_samples: int = 1200  # of a log that are used, at most
+    hostile: int = 40_000  # inputs that a graph is tried on
+    pushes: int = 600  # samples that the latency is measured on
 
 
 WHOLE, QUICK = Effort(), Effort(3, 2, 1, 2, 15.0, 300, 10_000, 200)
@@ -92,35 +81,20 @@ WHOLE, QUICK = Effort(), Effort(3, 2, 1, 2, 15.0, 300, 10_000, 200)
 
 @dataclasses.dataclass(eq=False)
 class GateMaterial:
-    """Policy, preset and logs under test; what several checks need is computed once.
+    """Policy, preset and logs under test; what several checks need is computed once."""
 
-    Attributes:
-        path: of the policy.
-        file: the same, read.
-        estimator: of it, at the sample time, without a sensor.
-        preset: the endoscope that it is to run on.
-        ranges: what varies from one of them to the next.
-        logs: of the user, each from its first known angle on; may be none.
-        sheath_bends: (N,) of each log, empty where it was not recorded [rad].
-        stroke_mm: within which twins are pulled [mm].
-        sample_time: T [s].
-        seed: of all that is drawn.
-        size: how much is drawn.
-        on_progress: called with the progress of the running check, from 0 to 1.
-    """
-
-    path: Path
-    file: TrainedFile
-    estimator: Estimator[Any]
-    preset: Preset
-    ranges: Ranges
-    logs: tuple[Record, ...]
-    sheath_bends: tuple[Array, ...]
-    stroke_mm: Stroke
-    sample_time: float
-    seed: int
-    size: Effort = WHOLE
-    on_progress: Callable[[float], None] = lambda share: None
+    path: Path  # of the policy
+    file: TrainedFile  # the same, read
+    estimator: Estimator[Any]  # of it, at the sample time, without a sensor
+    preset: Preset  # the endoscope that it is to run on
+    ranges: Ranges  # what varies from one of them to the next
+    logs: tuple[Record, ...]  # of the user, each from its first known angle on; may be none
+    sheath_bends: tuple[Array, ...]  # (N,) of each log, empty where it was not recorded [rad]
+    stroke_mm: Stroke  # within which twins are pulled [mm]
+    sample_time: float  # T [s]
+    seed: int  # of all that is drawn
+    size: Effort = WHOLE  # how much is drawn
+    on_progress: Callable[[float], None] = lambda share: None  # called with the running check's share, 0 to 1
 
     def part(self, low: float, high: float) -> Callable[[int, int], None]:
         """Return the callback for the steps of a part of a check."""

@@ -37,18 +37,13 @@ _WARM_UP = 20  # samples before the clock counts
 
 
 class Fault(NamedTuple):
-    """One kind of fault.
+    """One kind of fault."""
 
-    Attributes:
-        name: of it.
-        seconds: that it lasts.
-        plant: yields what comes in the place of good samples, given those before them.
-        must_flag: whether the runtime must flag it; a sensor that is a few degrees off cannot be recognised.
-    """
-
-    name: str
-    seconds: float
+    name: str  # of it
+    seconds: float  # that it lasts
+    # yields what comes in the place of good samples, given those before them
     plant: Callable[[Sequence[Sample], Sequence[Sample]], Iterator[Sample]]
+    # a sensor that is a few degrees off cannot be recognised
     must_flag: bool = True
 
 

@@ -25,21 +25,13 @@ _PROGRESS_SAMPLES = 10
 
 
 class Paired(NamedTuple):
-    """Root mean square errors of two estimators, and the 95 % interval of their difference.
+    """Root mean square errors of two estimators, and the 95 % interval of their difference."""
 
-    Attributes:
-        rmse_deg: of the first [deg].
-        rival_deg: of the second [deg].
-        difference_deg: first minus second [deg].
-        low_deg: lower end of the interval of that [deg].
-        high_deg: upper end of it [deg].
-    """
-
-    rmse_deg: float
-    rival_deg: float
-    difference_deg: float
-    low_deg: float
-    high_deg: float
+    rmse_deg: float  # of the first [deg]
+    rival_deg: float  # of the second [deg]
+    difference_deg: float  # first minus second [deg]
+    low_deg: float  # lower end of the interval of that [deg]
+    high_deg: float  # upper end of it [deg]
 
     @property
     def relative_high(self) -> float:
@@ -73,29 +65,17 @@ def _resampled(squares: Array, rival: Array, rng: np.random.Generator) -> tuple[
 
 
 class PairedTrial(NamedTuple):
-    """Errors of two estimators on U units (twins or logs) with D draws of one noise on each.
+    """Errors of two estimators on U units (twins or logs) with D draws of one noise on each."""
 
-    Attributes:
-        noise: kind and level.
-        units: (U,) the stroke of each twin, or the name of each log.
-        squares: (U, D) mean square error of the policy [deg^2].
-        rival: the same of its rival [deg^2].
-        inside: (U, D) share of samples whose 95 % interval covers the truth; None where none is stated.
-        nees: (U, D) mean square error in units of the variance that the interval states; likewise.
-        half_width_deg: (U, D) mean half width of the interval [deg]; likewise.
-        left_out: twins that found no equilibrium.
-        finite: whether every estimate was a number.
-    """
-
-    noise: tuple[str, float]
-    units: tuple[Any, ...]
-    squares: Array
-    rival: Array
-    inside: Array | None
-    nees: Array | None
-    half_width_deg: Array | None
-    left_out: int
-    finite: bool
+    noise: tuple[str, float]  # kind and level
+    units: tuple[Any, ...]  # (U,) the stroke of each twin, or the name of each log
+    squares: Array  # (U, D) mean square error of the policy [deg^2]
+    rival: Array  # the same of its rival [deg^2]
+    inside: Array | None  # (U, D) share of samples in their 95 % interval; None where none is stated
+    nees: Array | None  # (U, D) mean square error in units of the variance that the interval states; likewise
+    half_width_deg: Array | None  # (U, D) mean half width of the interval [deg]; likewise
+    left_out: int  # twins that found no equilibrium
+    finite: bool  # whether every estimate was a number
 
 
 def joined_cases(cases: Sequence[Case]) -> Case:

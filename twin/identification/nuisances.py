@@ -37,32 +37,20 @@ _LARGEST_ERROR_DEG = 1e6  # of a response that diverges
 
 @dataclasses.dataclass(frozen=True)
 class Log:
-    """A record at even samples, its pieces without missing measurements, and the nuisances that it has.
+    """A record at even samples, its pieces without missing measurements, and the nuisances that it has."""
 
-    Attributes:
-        record: of the measured angle.
-        pieces: first sample of each piece and the one after its last.
-        has_offset: whether its angle has a zero of its own.
-        has_delay: whether its command acts later than it was logged.
-    """
-
-    record: Record
-    pieces: tuple[tuple[int, int], ...]
-    has_offset: bool = False
-    has_delay: bool = False
+    record: Record  # of the measured angle
+    pieces: tuple[tuple[int, int], ...]  # first sample of each piece and the one after its last
+    has_offset: bool = False  # whether its angle has a zero of its own
+    has_delay: bool = False  # whether its command acts later than it was logged
 
 
 @dataclasses.dataclass(frozen=True)
 class Nuisances:
-    """Fitted nuisances; zero where none was fitted.
+    """Fitted nuisances; zero where none was fitted."""
 
-    Attributes:
-        offsets_deg: angle of each log's zero, (logs,) [deg].
-        delay_s: delay of the command of those logs that have one [s].
-    """
-
-    offsets_deg: tuple[float, ...]
-    delay_s: float = 0.0
+    offsets_deg: tuple[float, ...]  # angle of each log's zero, (logs,) [deg]
+    delay_s: float = 0.0  # delay of the command of those logs that have one [s]
 
 
 def records_of(logs: Sequence[Log], nuisances: Nuisances, sample_time: float) -> Records:

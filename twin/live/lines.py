@@ -94,15 +94,10 @@ class ErrorLine(BaseModel):
 
 
 class Answer(NamedTuple):
-    """Answer to one line.
+    """Answer to one line."""
 
-    Attributes:
-        text: line to send, without its end.
-        sample: the sample and its reading; None where the line was not a sample.
-    """
-
-    text: str
-    sample: StreamSample | None
+    text: str  # line to send, without its end
+    sample: StreamSample | None  # the sample and its reading; None where the line was not a sample
 
 
 def numbered_lines(stream: BinaryIO) -> Iterator[tuple[int, bytes | None]]:

@@ -51,13 +51,9 @@ RECOGNISER_ALONE = (0.0, 1.0)
 
 @dataclasses.dataclass(frozen=True)
 class RamTwins(LearnedStep):
-    """A trained step and the twins that it predicts by; T is a multiple of their control period.
+    """A trained step and the twins that it predicts by; T is a multiple of their control period."""
 
-    Attributes:
-        twins: that follow the command.
-    """
-
-    twins: "MemberSet" = dataclasses.field(kw_only=True)
+    twins: "MemberSet" = dataclasses.field(kw_only=True)  # that follow the command
 
     def at(self, sample_time: float) -> Self:
         """Return the estimator for another T [s]; `ValueError`: no multiple of the control period."""

@@ -29,19 +29,12 @@ PRECISIONS: dict[str, type[np.floating[Any]]] = {"tensor(float)": np.float32, "t
 
 @dataclasses.dataclass(frozen=True)
 class TrainedFile:
-    """An ONNX session and what the file says of itself.
+    """An ONNX session and what the file says of itself."""
 
-    Attributes:
-        session: of ONNX Runtime, on one thread.
-        agent: word that it was trained under.
-        description: model, sample time and configuration, as plain values.
-        path: where it was read from; another process reads it there too.
-    """
-
-    session: Any
-    agent: str
-    description: dict[str, Any]
-    path: Path | None = None
+    session: Any  # of ONNX Runtime, on one thread
+    agent: str  # word that it was trained under
+    description: dict[str, Any]  # model, sample time and configuration, as plain values
+    path: Path | None = None  # where it was read from; another process reads it there too
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.path is None:
