@@ -29,7 +29,7 @@ VERBS = {
     "control": "track a reference bend on the twin, by every controller",
     "gate": "go or no-go for a policy before it is deployed, with reasons",
     "samples": "copy the sample logs and a tiny dataset that ship with the package",
-    "benchmark": "measure the physics at full size, and the speed",
+    "benchmark": "measure the speed, and the physics at full size",
     "demo": "the complete pipeline, end to end",
 }
 

@@ -1,4 +1,4 @@
-"""`endotwin benchmark`: measure physics, datasets, filters and identification at full size."""
+"""`endotwin benchmark`: measure the speed of everything, and physics at full size."""
 
 import dataclasses
 import importlib.util
@@ -12,13 +12,13 @@ from scripts.outputs import output_file
 from scripts.progress import Progress
 from twin.errors import InputError, require_extra
 
-SIZES = ("cycles", "draws", "known", "pairs", "steps", "episodes", "many_episodes", "frames")
+SIZES = ("cycles", "draws", "known", "pairs", "episodes", "many_episodes")
 MOST = 100_000_000
 
 
 @dataclasses.dataclass(frozen=True)
 class Benchmark(SeedIgnored):
-    """Measure physics, datasets, filters, identification and learning at full size: JSON and a table."""
+    """Measure speed, and physics at full size: JSON and a table."""
 
     out: Path = Path("benchmark.json")
     """File to write; a table of the same name ends in .md."""
@@ -36,14 +36,10 @@ class Benchmark(SeedIgnored):
     """Known endoscopes that are calibrated on logs of their own."""
     pairs: int = 200
     """Of them that both twins simulate."""
-    steps: int = 1_000_000
-    """Samples over which the covariances of the Kalman filters are watched."""
     episodes: int = 64
     """Of 60 s, of the dataset that is made, weighed and read."""
     many_episodes: int = 1000
     """Of 10 s, while the memory is watched."""
-    frames: int = 10_000
-    """Pairs of pictures of the stereo sensor, while instruments pass before it."""
 
 
 def benchmark(args: Benchmark) -> Summary:

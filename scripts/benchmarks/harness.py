@@ -129,21 +129,6 @@ def sinusoid(amplitude: float, period: float, cycles: float) -> Array:
     return wave
 
 
-def random_cycles(count: int, amplitude: float, period: float, rng: np.random.Generator) -> Array:
-    """Return closed cycles of four random harmonics, between 1/8 and all of the amplitude, (count, N) [m].
-
-    The first and the last sample of a cycle are the same.
-    """
-    phase = np.linspace(0, 2 * np.pi, round(period / SAMPLE_TIME) + 1)
-    harmonics = np.arange(1, 5)[:, None, None]
-    strengths = rng.normal(size=(4, count, 1)) / harmonics
-    phases = rng.uniform(0, 2 * np.pi, (4, count, 1))
-    waves = (strengths * np.sin(harmonics * phase + phases)).sum(axis=0)
-    sizes = rng.uniform(amplitude / 8, amplitude, (count, 1))
-    scaled: Array = waves * sizes / np.abs(waves).max(axis=1, keepdims=True)
-    return scaled
-
-
 def in_turn(
     first: Callable[[], object],
     second: Callable[[], object],

@@ -1,6 +1,5 @@
-"""Physics of the twin against theory, at a size that is too long for tests."""
+"""Physics at a size that is too long for tests: work, divergence, fidelities, known endoscopes."""
 
-import statistics
 import time
 from collections.abc import Sequence
 
@@ -13,8 +12,6 @@ from scripts.benchmarks.harness import (
     Result,
     in_turn,
     measurement,
-    random_cycles,
-    sinusoid,
 )
 from twin.calibration.logs import MeasuredLoop
 from twin.calibration.parameters import SIGNED, free_parameters
@@ -31,99 +28,19 @@ PERIOD = 8.0
 AT_ONCE = 100  # endoscopes in one batch of the long measurements
 
 
-@measurement("rate_independence")
-def rate_independence(preset: Preset, amplitude: float) -> Result:
-    """Measure the spread of loop areas at periods of 2, 8 and 32 s."""
-    periods = (2.0, PERIOD, 32.0)
-    episodes = whole(
-        simulate_batch([preset] * 3, [sinusoid(amplitude, period, 2) for period in periods], SAMPLE_TIME)
-    )
-    areas: list[float] = []
-    for episode, period in zip(episodes, periods, strict=True):
-        second = slice(round(period / SAMPLE_TIME), None)
-        areas.append(abs(float(np.trapezoid(episode.bend[second], episode.pull[second]))))
-    spread = (max(areas) - min(areas)) / statistics.mean(areas)
-    return _below("loop area at periods of 2, 8, 32 s", 100 * spread, 2.0, "%")
+def random_cycles(count: int, amplitude: float, period: float, rng: np.random.Generator) -> Array:
+    """Return closed cycles of four random harmonics, between 1/8 and all of the amplitude, (count, N) [m].
 
-
-@measurement("hold")
-def hold(preset: Preset, amplitude: float) -> Result:
-    """Measure the largest drift of a command held for 30 s after stops at full speed, anywhere on a loop."""
-    stops = 1 + np.arange(16) / 16
-    moving = [sinusoid(amplitude, PERIOD, cycles) for cycles in stops]
-    rest = round(30 / SAMPLE_TIME)
-    held = [np.concatenate([path, np.full(rest, path[-1])]) for path in moving]
-    episodes = whole(simulate_batch([preset] * len(held), held, SAMPLE_TIME))
-    drift = max(np.abs(e.bend[-rest - 1 :] - e.bend[-rest - 1]).max() for e in episodes)
-    return _below("drift of a command held for 30 s", 100 * drift / _range(episodes), 0.5)
-
-
-@measurement("time_step")
-def time_step(preset: Preset, amplitude: float) -> Result:
-    """Measure the largest difference between the default time step and one 8 times smaller."""
-    command = [sinusoid(amplitude, PERIOD, 2)]
-    coarse, fine = (
-        whole(simulate_batch([p], command, SAMPLE_TIME))[0]
-        for p in (preset, preset.replace(time_step=preset.time_step / 8))
-    )
-    off = np.abs(coarse.bend - fine.bend).max()
-    return _below("time step against one 8 times smaller", 100 * off / np.ptp(fine.bend), 1.0)
-
-
-@measurement("capstan")
-def capstan(preset: Preset, amplitude: float) -> Result:
-    """Measure the worst error of the tension ratio of a sliding wire against exp(-mu phi), phi up to 2 pi."""
-    bends = np.linspace(0, 2 * np.pi, 9)
-    other = ("sheath_friction_floor", "sheath_friction_growth", "joint_friction", "routing_friction")
-    bare = preset.replace(**dict.fromkeys(other, 0.0))
-    presets = [bare.replace(sheath_bend=float(bend), sheath_bend_offset=0.0) for bend in bends]
-    there, back = np.linspace(0, 2 * amplitude, 201), np.linspace(2 * amplitude, 0.25 * amplitude, 351)
-    command = np.concatenate([there, back])
-    episodes = whole(simulate_batch(presets, [command] * len(bends), SAMPLE_TIME))
-    worst = 0.0
-    for episode, bend in zip(episodes, bends, strict=True):
-        factor = np.exp(preset.sheath_friction * bend)
-        ends = episode.wire_tension[:, 0]
-        pulled, released = ends[120:201], ends[-60:]
-        worst = max(worst, np.abs(pulled[:, 0] / pulled[:, -1] / factor - 1).max())
-        worst = max(worst, np.abs(released[:, -1] / released[:, 0] / factor - 1).max())
-    return _below("tension out / in against exp(-mu phi), phi = 0 ... 2 pi", 100 * worst, 2.0, "%")
-
-
-@measurement("return_point")
-def return_point(preset: Preset, amplitude: float) -> Result:
-    """Measure the largest trace that a minor loop leaves (Madelung's rules: it closes and is wiped out)."""
-    worst, span = 0.0, 0.0
-    for low, high in ((-0.25, 0.5), (0.1, 0.9), (-0.75, -0.5), (-0.9, 0.9)):
-        before = np.concatenate([sinusoid(amplitude, PERIOD, 1.25), np.linspace(1, low, 300)[1:] * amplitude])
-        minor = np.concatenate([np.linspace(low, high, 200)[1:], np.linspace(high, low, 200)[1:]]) * amplitude
-        after = np.linspace(low, -1, 200)[1:] * amplitude
-        paths = [np.concatenate([before, minor, after]), np.concatenate([before, after])]
-        looped, plain = whole(simulate_batch([preset] * 2, paths, SAMPLE_TIME))
-        off = looped.bend[len(before) + len(minor) - 1 :] - plain.bend[len(before) - 1 :]
-        worst, span = max(worst, np.abs(off).max()), max(span, np.ptp(plain.bend))
-    return _below("trace of a minor loop (Madelung)", 100 * worst / span, 0.5)
-
-
-@measurement("no_friction")
-def no_friction(preset: Preset, amplitude: float) -> Result:
-    """Measure the width of the loop without dry friction, relative to its range."""
-    command = sinusoid(amplitude, PERIOD, 2)
-    episode = whole(simulate_batch([preset.without_friction()], [command], SAMPLE_TIME))[0]
-    samples = round(PERIOD / SAMPLE_TIME)
-    cycle = episode.bend[-samples:]
-    mirror = (samples // 2 - 2 - np.arange(samples)) % samples  # sin(phi) = sin(pi - phi): the same pull
-    width = np.ptp(cycle - cycle[mirror]) / 2
-    return _below("width of the loop without friction", 100 * width / np.ptp(cycle), 0.5)
-
-
-@measurement("vertebrae")
-def vertebrae(preset: Preset, amplitude: float) -> Result:
-    """Measure the largest difference between loops of 8, 16, 32 and 64 vertebrae at equal total stiffness."""
-    command = [sinusoid(amplitude, PERIOD, 2)]
-    presets = [preset.replace(vertebrae=n) for n in (8, 16, 32, 64)]
-    bends = [whole(simulate_batch([p], command, SAMPLE_TIME))[0].bend for p in presets]
-    return _below("loops of 8, 16, 32, 64 vertebrae", 100 * np.ptp(bends, axis=0).max() / np.ptp(bends), 2.0)
+    The first and the last sample of a cycle are the same.
+    """
+    phase = np.linspace(0, 2 * np.pi, round(period / SAMPLE_TIME) + 1)
+    harmonics = np.arange(1, 5)[:, None, None]
+    strengths = rng.normal(size=(4, count, 1)) / harmonics
+    phases = rng.uniform(0, 2 * np.pi, (4, count, 1))
+    waves = (strengths * np.sin(harmonics * phase + phases)).sum(axis=0)
+    sizes = rng.uniform(amplitude / 8, amplitude, (count, 1))
+    scaled: Array = waves * sizes / np.abs(waves).max(axis=1, keepdims=True)
+    return scaled
 
 
 @measurement("closed_cycles")
@@ -170,14 +87,6 @@ def whole(episodes: list[Episode | None]) -> list[Episode]:
     if len(whole) < len(episodes):
         raise DivergedError("a simulation diverged")
     return whole
-
-
-def _range(episodes: list[Episode]) -> float:
-    return max(float(np.ptp(episode.bend)) for episode in episodes)
-
-
-def _below(name: str, value: float, limit: float, unit: str = "% of range") -> Result:
-    return Result(name, float(value), unit, f"< {limit:g} {unit}")
 
 
 SECONDS = 8.0  # length of each record

@@ -144,7 +144,8 @@ def measure_stereo(args: MeasureStereo) -> Summary:
     write_whole(out, json.dumps(contents) + "\n")
     rmse = float(np.sqrt(np.nanmean(np.square(errors))))
     gaps = f"{hidden.passes} passes hid a marker {len(hidden.hidden_s)} times"
-    line = f"{out}: RMSE {rmse:.3f} deg over {args.rigs} rigs; {gaps}"
+    largest = float(np.nanmax(np.abs(hidden.error_deg)))
+    line = f"{out}: RMSE {rmse:.3f} deg over {args.rigs} rigs; {gaps}, errors then within {largest:.2f} deg"
     return Summary(line, {"out": str(out), "rmse_deg": rmse, "lost": int(np.isnan(errors).sum())})
 
 

@@ -27,6 +27,13 @@ def test_time_step_is_short_enough():
     assert np.abs(coarse - fine).max() < 0.01 * np.ptp(fine)
 
 
+def test_loop_depends_neither_on_speed_nor_on_the_number_of_vertebrae():
+    areas = [abs(np.trapezoid(*loop_of(MUJOCO, PRESET, period)[::-1])) for period in (2.0, 8.0, 32.0)]
+    assert np.ptp(areas) < 0.02 * np.mean(areas)
+    bends = [loop_of(MUJOCO, PRESET.replace(vertebrae=n), 8.0)[1] for n in (8, 16, 64)]
+    assert np.ptp(bends, axis=0).max() < 0.02 * np.ptp(bends)
+
+
 @pytest.mark.parametrize("viscous", [True, False])
 def test_without_friction_there_is_no_loop(twin, viscous):
     preset = PRESET.without_friction() if viscous else PRESET.without_friction().without_viscosity()
