@@ -5,13 +5,11 @@ trained. Those of the graphs themselves take the product's exporter (the fixture
 """
 
 import io
-import logging
 from collections.abc import Mapping, Sequence
 
 import onnx
 import pytest
 import torch
-from onnxscript import optimizer
 
 import rl.export
 
@@ -38,9 +36,7 @@ def traced(
         opset_version=18,
         dynamo=False,
     )
-    logging.getLogger("onnxscript").setLevel(logging.ERROR)  # it names what it leaves as it is
-    graph: onnx.ModelProto = optimizer.optimize(onnx.load_from_string(written.getvalue()))
-    return graph
+    return onnx.load_from_string(written.getvalue())
 
 
 def take(patch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from twin.mechanics.drive import DriveLaw, advance_drive, delayed_command
 from twin.mechanics.friction import friction_drift, friction_floor
-from twin.mechanics.kernels import entry, inlined, kernel
+from twin.mechanics.kernels import entry, fused, inlined, kernel
 from twin.preset.preset import Preset
 from twin.reduced import parameters as at
 from twin.reduced.one_plane import Array, Hinge, Plane, Segment, Work, copy_row, copy_rows, solve_plane
@@ -82,7 +82,7 @@ def advance(
                 trace.drift[k] = _drift_of(parameters, state, first + m)
 
 
-@kernel
+@fused
 def advance_one(
     parameters: Parameters, state: ReducedState, work: Workspace, m: int, inputs: Array, periods: int
 ) -> None:
@@ -142,7 +142,7 @@ def _drift_of(parameters: Parameters, state: ReducedState, m: int) -> float:
     return float(_friction_drift(warm_up, warm_up_time, constants[m, at.WEAR], time, travel))
 
 
-@inlined
+@fused
 def _increment(
     parameters: Parameters, state: ReducedState, work: Workspace, m: int, periods: int, sheath_bend: float
 ) -> None:

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import CAUGHT_UP
-from twin.mechanics.kernels import inlined, kernel
+from twin.mechanics.kernels import fused, inlined
 
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]
@@ -180,7 +180,7 @@ class Work(NamedTuple):
         return cls(np.zeros((12, 2 * elements + 2)), np.zeros((4, groups)))
 
 
-@inlined
+@fused
 def solve_plane(
     plane: Plane, work: Work, element: Array, hinge: Array, pulley: float, slip: Signs, turn: Signs
 ) -> tuple[float, float]:
@@ -254,7 +254,7 @@ def _pulley_force(plane: Plane, chain: Array, pulley: float) -> float:
     return missing
 
 
-@inlined
+@fused
 def _settle(
     plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, turn: Signs
 ) -> tuple[float, float, bool]:
@@ -288,7 +288,7 @@ def _next_sign(sign: int, moved: float, force: float, at_rest: float) -> int:
     return _direction(force, at_rest + RESIDUAL_N)
 
 
-@inlined
+@fused
 def _assemble_nodes(plane: Plane, chain: Array, slip: Signs) -> tuple[bool, float]:
     """Fill the rows of the sheath's elements; return whether a sign changed, and the force missing [N]."""
     E, c = plane.elements, plane.per_tension
@@ -315,7 +315,7 @@ def _assemble_nodes(plane: Plane, chain: Array, slip: Signs) -> tuple[bool, floa
     return changed, missing
 
 
-@inlined
+@fused
 def _assemble_hinges(
     plane: Plane, chain: Array, group: Array, hinge: Array, turn: Signs
 ) -> tuple[bool, float]:
@@ -355,7 +355,7 @@ def _assemble_hinges(
     return changed, missing
 
 
-@inlined
+@fused
 def _step(
     plane: Plane, chain: Array, group: Array, hinge: Array, slip: Signs, turn: Signs, of_pulley: float
 ) -> float:
@@ -398,7 +398,7 @@ def _step(
     return pulley
 
 
-@kernel
+@fused
 def _sweep(plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, turn: Signs) -> float:
     """Bring one node after the other to its own equilibrium; return the pulley's position [m]."""
     E, last, chain = plane.elements, 2 * plane.elements, work.chain
@@ -451,7 +451,7 @@ def _rest_of_node(plane: Plane, chain: Array, i: int, ahead: float, behind: floa
     return x, s
 
 
-@inlined
+@fused
 def _sweep_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> None:
     """Bring one group of hinges after the other to its own equilibrium, and the tip with them."""
     size, passed = plane.size, 0.0

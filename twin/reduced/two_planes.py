@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import CAUGHT_UP
-from twin.mechanics.kernels import inlined, kernel
+from twin.mechanics.kernels import fused, inlined, kernel
 from twin.reduced.one_plane import (
     BEFORE,
     FORCE,
@@ -132,7 +132,7 @@ def _copy(to: Positions, values: Positions) -> None:
     copy_rows(to.turn, values.turn)
 
 
-@inlined
+@fused
 def solve_both_planes(plane: Plane, both: BothPlanes, now: Positions, periods: int) -> float:
     """Bring two planes to equilibrium after an increment, in as many parts as that takes.
 
@@ -319,7 +319,7 @@ def rub(pair: Array, limit: float) -> bool:
     return slide
 
 
-@inlined
+@fused
 def _settle(
     plane: Plane, both: BothPlanes, now: Positions, farthest: float, begins: bool
 ) -> tuple[float, bool]:
@@ -362,7 +362,7 @@ def _limit(slides: int, holds: float, begins: bool) -> float:
     return 0.0 if begins else 1.0
 
 
-@inlined
+@fused
 def _assemble_elements(plane: Plane, both: BothPlanes, slip: Signs, begins: bool) -> tuple[float, bool]:
     """Fill the rows of the elements; return the largest force missing [N], and if one is yet to be moved."""
     E, c, pair, chain = plane.elements, plane.per_tension, both.pair, both.chain
@@ -393,7 +393,7 @@ def _assemble_elements(plane: Plane, both: BothPlanes, slip: Signs, begins: bool
     return missing, unsettled
 
 
-@inlined
+@fused
 def _assemble_hinges(
     plane: Plane, both: BothPlanes, hinge: Array, turn: Signs, begins: bool
 ) -> tuple[float, bool]:
@@ -517,7 +517,7 @@ def _near(k: int, elements: int, hinges: int, count: int) -> int:
     return count
 
 
-@kernel
+@fused
 def _sweep_both(plane: Plane, both: BothPlanes, now: Positions) -> None:
     """Bring one pair after the other to its own equilibrium."""
     E, chain, pair, pulley, slip = plane.elements, both.chain, both.pair, now.pulley, now.slip
@@ -557,7 +557,7 @@ def _load_sides(plane: Plane, chain: Array, pulley: Array, i: int) -> None:
             chain[TENSION, p, k], chain[FORCE, p, k], chain[SLOPE, p, k] = loaded
 
 
-@inlined
+@fused
 def _sweep_hinges(plane: Plane, both: BothPlanes, now: Positions) -> None:
     """Bring one group of hinges after the other to its own equilibrium, and the tip with them."""
     E, passed, chain, pair = plane.elements, 0.0, both.chain, both.pair
