@@ -1,6 +1,7 @@
 """Measurements of the reduced twin: what they compare, count and refuse to call held."""
 
 import numpy as np
+import pytest
 
 from scripts.benchmarks import reduced
 from twin.preset.file import load_preset
@@ -10,6 +11,7 @@ from twin.simulation import simulate_batch
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 
 
+@pytest.mark.slow
 def test_a_twin_that_is_off_does_not_hold(monkeypatch):
     def softer(presets, pulls, sample_time, physics="mujoco", **inputs):
         if physics == "reduced":

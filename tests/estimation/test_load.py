@@ -25,9 +25,13 @@ from twin.preset import load_preset, load_ranges
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 FEW = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
+OFTEN = ("ram", "direct", "lstm", "kalman-net", "ram-twins", "ram-memory", "gru-twins")
+AGENTS = [
+    agent if agent in OFTEN else pytest.param(agent, marks=pytest.mark.slow) for agent in sorted(trainings())
+]
 
 
-@pytest.fixture(scope="module", params=sorted(trainings()))
+@pytest.fixture(scope="module", params=AGENTS)
 def trained(request, records, model, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     options = TrainingOptions(agent=request.param, seed=1, **FEW)

@@ -33,7 +33,7 @@ def test_the_pull_brings_what_it_says(drive):
     """The bend wanted where it says so; else no pull of the stroke comes nearer."""
     twins, rng = ReducedTwins(drawn(12, 1, **drive), T), np.random.default_rng(2)
     found_all = []
-    for _ in range(15):
+    for _ in range(8):
         wanted = rng.uniform(-1.0, 1.0, 12)
         found = twins.inverse(wanted, stroke=STROKE)
         before = twins.save_state()

@@ -90,7 +90,7 @@ def test_stepping_keeps_no_memory():
     twins = ReducedTwins([URETEROSCOPE.replace(servo_gain=8.0)] * 2, T)
     peaks = []
     for _ in range(4):
-        for value in np.tile(cycle(2e-3, 5.0, T), 4):
+        for value in cycle(2e-3, 5.0, T):
             twins.step(value)
             twins.inverse(0.3, stroke=(-3e-3, 3e-3))
         peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)

@@ -23,18 +23,18 @@ OPTIONS = TrainingOptions(agent="gru", episodes=7)
 SEEDS = (3, 4)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def material(records, model):
     return Material(records, ActiveModel(model, 0.1))
 
 
-@pytest.fixture
-def alone(material, tmp_path):
+@pytest.fixture(scope="module")
+def alone(material, tmp_path_factory):
     """The same trainings one after the other."""
-    paths = []
+    folder, paths = tmp_path_factory.mktemp("alone"), []
     for seed in SEEDS:
         options = dataclasses.replace(OPTIONS, seed=seed)
-        paths.append(find_trainer("gru").run(material, options, tmp_path / f"alone_{seed}"))
+        paths.append(find_trainer("gru").run(material, options, folder / f"alone_{seed}"))
     return paths
 
 

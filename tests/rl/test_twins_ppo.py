@@ -63,7 +63,7 @@ def test_it_learns_the_policy_alone_and_hands_over_its_weights():
     assert reported[-1] == 51_200
 
 
-@pytest.mark.parametrize("gain", [("ppo",), ("analytic", "ppo")])
+@pytest.mark.parametrize("gain", [pytest.param(("ppo",), marks=pytest.mark.slow), ("analytic", "ppo")])
 def test_a_training_keeps_what_was_best_on_held_out_twins(gain, tmp_path):
     reported = []
     path = train_ram_twins(

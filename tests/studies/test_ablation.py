@@ -65,6 +65,7 @@ def stated(run, name, seed=1):
     return read_trained_file(path).description["training"]
 
 
+@pytest.mark.slow
 def test_each_differs_from_the_whole_in_what_it_says_and_in_nothing_else(made):
     _, run = made
     whole = stated(run, "whole")
@@ -74,6 +75,7 @@ def test_each_differs_from_the_whole_in_what_it_says_and_in_nothing_else(made):
     assert not (run.folder / "filter-alone").exists()  # the whole's files, without their parts
 
 
+@pytest.mark.slow
 def test_rows_are_in_order_and_the_whole_is_one(made):
     rows, run = made
     assert [row.name for row in rows] == [variant.name for variant in run.variants]
@@ -98,6 +100,7 @@ def test_every_variant_has_settings_that_its_training_takes(variant):
     dataclasses.replace(settings, **variant.settings)
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_it_found(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(ablation, "VARIANTS", [small(of) for of in VARIANTS])
     short = ["--seconds", "5", "--seeds", "1", "--workers", "1"]

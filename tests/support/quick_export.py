@@ -5,11 +5,15 @@ trained. Those of the graphs themselves take the product's exporter (the fixture
 """
 
 import io
+import logging
 from collections.abc import Mapping, Sequence
 
 import onnx
+import onnx_ir
 import pytest
 import torch
+from onnx_ir.passes.common import LiftConstantsToInitializersPass
+from onnxscript import optimizer
 
 import rl.export
 
@@ -36,7 +40,12 @@ def traced(
         opset_version=18,
         dynamo=False,
     )
-    return onnx.load_from_string(written.getvalue())
+    model = onnx_ir.from_proto(onnx.load_from_string(written.getvalue()))
+    logging.getLogger("onnxscript").setLevel(logging.ERROR)  # it names what it leaves as it is
+    optimizer.fold_constants(model)  # without the search for patterns, which takes four seconds
+    optimizer.remove_unused_nodes(model)
+    LiftConstantsToInitializersPass(lift_all_constants=True, size_limit=0)(model)
+    return onnx_ir.to_proto(model)
 
 
 def take(patch: pytest.MonkeyPatch) -> None:
