@@ -25,7 +25,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from rl.export import export_step
 from rl.options import TrainingOptions
 from rl.policies import log_scale
 from rl.supervised import Lesson, SequenceTraining, tensor32, train_network
@@ -46,18 +45,13 @@ SETTINGS = SequenceTraining(iterations=1500, window=50, hidden=16, learning_rate
 
 
 class KalmanNetStep(torch.nn.Module):
-    """One sample: prediction, gain from one GRU layer and a linear output, and correction.
-
-    Attributes:
-        inputs: names of what it takes.
-        state: shape for one filter of each array of its state.
-    """
+    """One sample: prediction, gain from one GRU layer and a linear output, and correction."""
 
     inputs = ("keep", "drive_deg", "measurement_deg", "variance", "sample_time")
 
     def __init__(self, hidden: int):
         super().__init__()
-        numbers = ("previous_deg", "error", "lag_deg", "of_bend", "of_error")
+        numbers = ("previous_deg", "error", "lag_deg", "of_bend", "of_error")  # of the state of one filter
         self.state: dict[str, tuple[int, ...]] = {name: () for name in numbers} | {"hidden": (hidden,)}
         self.cell = torch.nn.GRUCell(FEATURES, hidden)
         self.output = torch.nn.Linear(hidden, 2)
@@ -104,10 +98,6 @@ class KalmanNetStep(torch.nn.Module):
         after = torch.where(missing[:, None], hidden, after)
         return bend, error + correction[:, 1], measurement - bend, correction[:, 0], correction[:, 1], after
 
-    def export(self, description: dict[str, Any], path: Path) -> None:
-        """Write the deployed graph."""
-        export_step(self, dict.fromkeys(self.inputs, ()), self.state, description, path)
-
 
 def train_kalman_net(
     records: Records,
@@ -124,7 +114,7 @@ def train_kalman_net(
         losses = window_losses(step, task, active_model, training)
         samples = training.sequences * min(training.window, task.pull_mm.shape[1] - 1)
         unit = float(np.maximum(active_model.measurement_variance, LEAST_VARIANCE))
-        return Lesson(step, lambda: next(losses), samples, unit, step.export)
+        return Lesson(step, lambda: next(losses), samples, unit, lambda: step)
 
     return train_network(KALMAN_NET, prepare, records, active_model, training, folder, on_progress)
 

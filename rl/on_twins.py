@@ -12,7 +12,7 @@ from rl.twins.learning import fit_ood_detector, learn_noise_models
 from rl.twins.members import choose_members
 from rl.twins.memory_step import HIDDEN, MemoryStep
 from rl.twins.noises import count_noise_models
-from rl.twins.records import Prediction, SequenceSource, TwinRecords, by_members, principal_directions
+from rl.twins.records import Prediction, SequenceSource, TwinArrays, by_members, principal_directions
 from rl.twins.recurrent_step import (
     Convolution,
     Correction,
@@ -73,14 +73,12 @@ RAM_MEMORY_SETTINGS = NetworkTraining(width=72)
 """Settings of RAM (memory); width and learning rate are what the search chose, see docs/ram_twins.md."""
 
 
-def untrained_memory(settings: NetworkTraining) -> MemoryStep:
-    """Return the step of RAM (memory) before a training with these settings."""
-    return MemoryStep(settings.width)
-
-
 assert methods.RAM_MEMORY.training is not None
 train_ram_memory = functools.partial(
-    train_with_model, methods.RAM_MEMORY.training, untrained_memory, export_with_model
+    train_with_model,
+    methods.RAM_MEMORY.training,
+    lambda settings: MemoryStep(settings.width),
+    export_with_model,
 )
 """Train RAM (memory) into a folder, as `train_with_model` does."""
 
@@ -105,9 +103,9 @@ def train_ram_twins(
             on_progress=on_share,
         )
 
-    def begin(records: TwinRecords) -> tuple[TwinsStep, Prediction]:
+    def begin(records: TwinArrays) -> tuple[TwinsStep, Prediction]:
         step = TwinsStep(
-            principal_directions(records.members_deg, settings.rank),
+            principal_directions(records[1], settings.rank),
             count_noise_models(settings.known_noises),
             settings.policy_width,
             policy_layers=settings.policy_layers,

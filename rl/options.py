@@ -5,47 +5,30 @@ import dataclasses
 from twin.errors import InputError
 from twin.estimation.registry import find_training, proposed_method
 
-EPISODES = 2000
-"""The paper's number of episodes."""
-TRAINING_STROKE_MM = (2.0, 4.0)
-"""The paper's stroke in training."""
+EPISODES = 2000  # the paper's number of episodes
+TRAINING_STROKE_MM = (2.0, 4.0)  # the paper's stroke in training
 
 
 @dataclasses.dataclass(frozen=True)
 class TrainingOptions:
-    """Options of a training. Defaults are the paper's Table I and its protocol.
+    """Options of a training. Defaults are the paper's Table I and its protocol."""
 
-    Attributes:
-        agent: of the method table; the one that the paper proposes, if not given.
-        episodes: episodes of PPO in all; a network takes as large a share of its own steps as this is of the
-            default.
-        learning_rate: of Adam.
-        horizon: samples between two updates, over all environments.
-        discount: discount factor gamma.
-        minibatch: samples in one gradient step.
-        clip: clip factor of PPO.
-        environments: episodes that run side by side.
-        reward_scale: factor on eq. 11 in PPO. It moves no optimum; it keeps the loss of the value function,
-            which shares a clipped gradient with the policy, of the order of one.
-        noise: measurement noise during training.
-        noise_level: its level: R = 0.1 in the paper.
-        initial_error_deg: the initial estimate is off by up to this [deg].
-        seed: of the network, the exploration and the noise.
-    """
-
-    agent: str = ""
+    agent: str = ""  # of the method table; the one that the paper proposes, if not given
+    # episodes of PPO in all; a network takes as large a share of its own steps as this is of the default
     episodes: int = EPISODES
-    learning_rate: float = 2.5e-4
-    horizon: int = 1024
-    discount: float = 0.99
-    minibatch: int = 128
-    clip: float = 0.2
-    environments: int = 32
+    learning_rate: float = 2.5e-4  # of Adam
+    horizon: int = 1024  # samples between two updates, over all environments
+    discount: float = 0.99  # discount factor gamma
+    minibatch: int = 128  # samples in one gradient step
+    clip: float = 0.2  # clip factor of PPO
+    environments: int = 32  # episodes that run side by side
+    # factor on eq. 11 in PPO. It moves no optimum; it keeps the loss of the value function, which shares a
+    # clipped gradient with the policy, of the order of one
     reward_scale: float = 0.05
-    noise: str = "gaussian"
-    noise_level: float = 0.1
-    initial_error_deg: float = 20.0
-    seed: int = 0
+    noise: str = "gaussian"  # measurement noise during training
+    noise_level: float = 0.1  # its level: R = 0.1 in the paper
+    initial_error_deg: float = 20.0  # the initial estimate is off by up to this [deg]
+    seed: int = 0  # of the network, the exploration and the noise
 
     def __post_init__(self) -> None:
         if not self.agent:

@@ -21,7 +21,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from rl.export import export_step
 from rl.options import TrainingOptions
 from rl.supervised import Lesson, SequenceTraining, tensor32, train_network
 from rl.trainers import OnProgress, Records, Trainer, register_trainer
@@ -39,19 +38,14 @@ WARM_UP = 10  # samples at the start of a sequence of the LSTM that are not scor
 
 
 class SequenceNetwork(torch.nn.Module):
-    """One recurrent layer and a linear output, with the normalisation of inputs and output.
-
-    Attributes:
-        input_scale: (2,) spread of what it sees.
-        output_scale: of the noise that it predicts.
-    """
+    """One recurrent layer and a linear output, with the normalisation of inputs and output."""
 
     def __init__(self, layer: type[torch.nn.LSTM] | type[torch.nn.GRU], hidden: int):
         super().__init__()
         self.layer = layer(2, hidden)
         self.output = torch.nn.Linear(hidden, 1)
-        self.input_scale = torch.nn.Buffer(torch.ones(2))
-        self.output_scale = torch.nn.Buffer(torch.ones(1))
+        self.input_scale = torch.nn.Buffer(torch.ones(2))  # spread of what it sees
+        self.output_scale = torch.nn.Buffer(torch.ones(1))  # of the noise that it predicts
 
     def forward(self, seen: Tensor) -> Tensor:
         """Return the (N, B) noise of (N, B, 2) sequences from their start."""
@@ -92,10 +86,6 @@ class RecurrentStep(torch.nn.Module):
     def state(self) -> dict[str, tuple[int, ...]]:
         """Shape for one filter of each array of its state."""
         return {name: () for name in self.values} | {"hidden": (self.size,)}
-
-    def export(self, description: dict[str, Any], path: Path) -> None:
-        """Write the deployed graph."""
-        export_step(self, dict.fromkeys(self.inputs, ()), self.state, description, path)
 
 
 class LstmStep(RecurrentStep):
@@ -186,7 +176,7 @@ def train_lstm(
             square: Tensor = (predicted - noise)[WARM_UP:] ** 2
             return square.mean()
 
-        return _lesson(network, LstmStep, loss, training.sequences * window, 1.0)
+        return Lesson(network, loss, training.sequences * window, 1.0, lambda: LstmStep(network))
 
     return train_network(LSTM, prepare, records, active_model, training, folder, on_progress)
 
@@ -224,19 +214,9 @@ def train_gru(
             square: Tensor = (network(tensor32(seen)) - noise) ** 2
             return square.mean()
 
-        return _lesson(network, GruStep, loss, training.sequences * window, unit**2)
+        return Lesson(network, loss, training.sequences * window, unit**2, lambda: GruStep(network))
 
     return train_network(GRU, prepare, records, active_model, training, folder, on_progress)
-
-
-def _lesson(
-    network: SequenceNetwork,
-    step: type[RecurrentStep],
-    loss: Callable[[], Tensor],
-    samples: int,
-    unit_deg2: float,
-) -> Lesson:
-    return Lesson(network, loss, samples, unit_deg2, lambda *written: step(network).export(*written))
 
 
 def _register(spec: MethodSpec, train: Callable[..., Path]) -> None:

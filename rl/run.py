@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from rl.trainers import Records
 from twin.errors import InputError
@@ -20,8 +21,7 @@ from twin.files.bounded import MEBIBYTE, read_limited
 from twin.files.run_folder import CURVE_FILE
 from twin.hysteresis import ColemanHodgdon
 
-LARGEST = 256 * MEBIBYTE
-"""Size of a checkpoint at most [bytes]."""
+LARGEST = 256 * MEBIBYTE  # size of a checkpoint at most [bytes]
 _MARK = "endotwin checkpoint"
 
 
@@ -86,3 +86,52 @@ def load_checkpoint(path: Path, key: str) -> dict[str, Any] | None:
 def unusable(path: Path) -> InputError:
     """Return the error for a file that is no checkpoint, or whose contents do not fit the training."""
     return InputError(f"{path} is no checkpoint of this training, or damaged: remove it to start again")
+
+
+class Keeper:
+    """Keeper of the state of a lesson, in a checkpoint.
+
+    Attributes:
+        saved: state of the checkpoint of this run that was there; None where there was none.
+        best: weights that were best on held-out twins so far, by name.
+        curve: rows of `progress.csv`, which start with samples so far and minus the typical square error then
+            [deg^2].
+        tables: arrays that the lesson keeps too, by name; they are filled in their place.
+    """
+
+    def __init__(self, path: Path, key: str, every: int, step: torch.nn.Module):
+        """Read the checkpoint of a run; one is written after `every` updates, when sequences start again."""
+        self.path, self.key, self.every, self.step = path, key, every, step
+        self.saved = load_checkpoint(path, key)
+        self.best: dict[str, torch.Tensor] = {}
+        self.curve: list[tuple[float, ...]] = []
+        self.tables: dict[str, NDArray[np.float64]] = {}
+
+    def keep(self, update: int, optimiser: torch.optim.Optimizer, *, last: bool = False) -> None:
+        """Write a checkpoint after every so many updates, and after the last one."""
+        if update % self.every and not last:
+            return
+        state = {
+            "update": update,
+            "curve": self.curve,
+            "step": self.step.state_dict(),
+            "optimiser": optimiser.state_dict(),
+            "best": self.best,
+            "tables": {name: torch.from_numpy(values) for name, values in self.tables.items()},
+        }
+        save_checkpoint(self.path, self.key, state)
+
+    def restore(self, optimiser: torch.optim.Optimizer) -> int:
+        """Bring step and optimiser to the checkpoint, and return its update; 0 if there is none."""
+        state, self.saved = self.saved, None
+        if state is None:
+            return 0
+        try:
+            self.step.load_state_dict(state["step"])
+            optimiser.load_state_dict(state["optimiser"])
+            for name, values in self.tables.items():
+                values[...] = state["tables"][name].numpy()
+            self.best, self.curve[:] = state["best"], state["curve"]
+            return int(state["update"])
+        except Exception as error:  # what does not fit, in classes of torch
+            raise unusable(self.path) from error

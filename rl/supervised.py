@@ -4,16 +4,18 @@ A run in one folder, descent by Adam (Kingma and Ba 2015).
 """
 
 import dataclasses
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from rl.export import export_step
 from rl.options import TrainingOptions, share_of
-from rl.run import run_configuration, with_deployment, write_curve
+from rl.run import Keeper, run_configuration, with_deployment, write_curve
 from rl.trainers import OnProgress, Records
 from twin.errors import DivergedError
 from twin.estimation.active_model import ActiveModel
@@ -21,7 +23,7 @@ from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.registry import MethodSpec
 from twin.files.run_folder import counted_cost, open_run
 
-Array = NDArray[np.float64]
+OnUpdate = Callable[[int, float], None]  # called with the updates that are done, and the latest loss
 GRADIENT_LIMIT = 1.0  # norm at which gradients are clipped
 
 
@@ -58,7 +60,7 @@ class Lesson(NamedTuple):
     loss: Callable[[], torch.Tensor]  # draws data and returns the mean square error
     samples: int  # in one loss
     unit_deg2: float  # what a loss of one is [deg^2]
-    export: Callable[[dict[str, Any], Path], None]  # writes the trained file with its description
+    deployed: Callable[[], Any]  # returns one sample of the trained network, with its `inputs` and `state`
 
 
 def train_network(
@@ -86,39 +88,54 @@ def train_network(
                 noise, level = training.noise, training.noise_level
                 task = TrainingTask(pull, bend, noise, level, training.initial_error_deg)
                 lesson = prepare(task)
-                curve = _descend(lesson, training, on_progress)
+                curve: list[tuple[float, ...]] = []
+
+                def on_update(step: int, loss: float) -> None:
+                    curve.append((step * lesson.samples, -loss * lesson.unit_deg2))
+                    if on_progress:
+                        on_progress(step, training.iterations, curve[-1][1])
+
+                groups = [{"params": list(lesson.network.parameters())}]
+                steps = training.iterations, training.learning_rate
+                descend(groups, lambda _: lesson.loss(), *steps, on_update, betas=(0.9, 0.999))
             write_curve(folder, curve)
             # The last: where the file is, the run is finished.
             deployed = with_deployment(configuration, records, active_model, training.seed)
-            lesson.export({"agent": spec.training.agent, **deployed}, path)
+            step, contents = lesson.deployed(), {"agent": spec.training.agent, **deployed}
+            export_step(step, dict.fromkeys(step.inputs, ()), step.state, contents, path)
     return path
 
 
-def _descend(
-    lesson: Lesson, training: SequenceTraining, on_progress: OnProgress | None
-) -> list[tuple[int, float]]:
-    """Take gradient steps on fresh losses; the learning rate falls to zero along a cosine.
+def descend(
+    groups: list[dict[str, Any]],
+    loss: Callable[[int], torch.Tensor],
+    updates: int,
+    rate: float,
+    on_update: OnUpdate | None,
+    keeper: Keeper | None = None,
+    betas: tuple[float, float] = (0.9, 0.99),
+) -> None:
+    """Take gradient steps by Adam; the learning rate falls to zero along a cosine.
 
-    Returns minus the mean square error [deg^2] after so many samples, step by step; progress is called with
-    steps done, steps in all and the latest.
+    A group may have a `share` of the learning rate; the checkpoint of a keeper is taken up.
     """
-    network, iterations = lesson.network, training.iterations
-    optimiser = torch.optim.Adam(network.parameters(), lr=training.learning_rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, iterations)
-    curve = []
-    for iteration in range(1, iterations + 1):
-        value = lesson.loss()
+    optimiser = torch.optim.Adam(groups, lr=rate, betas=betas)
+    parameters = [values for group in optimiser.param_groups for values in group["params"]]
+    begin = keeper.restore(optimiser) if keeper else 0
+    for update in range(begin, updates):
+        for group in optimiser.param_groups:
+            group["lr"] = rate * group.get("share", 1.0) * (1 + math.cos(math.pi * update / updates)) / 2
+        value = loss(update)
         if not torch.isfinite(value):
-            raise DivergedError(f"the training has diverged: the loss of step {iteration} is no number")
+            raise DivergedError(f"the training has diverged: the loss of update {update + 1} is no number")
         optimiser.zero_grad()
         value.backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), GRADIENT_LIMIT)
+        torch.nn.utils.clip_grad_norm_(parameters, GRADIENT_LIMIT)
         optimiser.step()
-        schedule.step()
-        curve.append((iteration * lesson.samples, -value.item() * lesson.unit_deg2))
-        if on_progress:
-            on_progress(iteration, iterations, curve[-1][1])
-    return curve
+        if on_update:
+            on_update(update + 1, value.item())
+        if keeper:
+            keeper.keep(update + 1, optimiser, last=update + 1 == updates)
 
 
 def tensor32(values: ArrayLike) -> torch.Tensor:

@@ -25,8 +25,7 @@ from twin.files.atomic import write_whole
 from twin.files.bounds import MOST_TRAININGS
 from twin.files.run_folder import CURVE_FILE, read_progress
 
-FOLDER, FILE = "search", "search.csv"
-"""Folder of the trials of a search in its run folder, and their list."""
+FOLDER, FILE = "search", "search.csv"  # folder of the trials of a search in its run folder, and their list
 _WHOLE = 1000  # what one training counts in progress
 _SECONDS = 0.5  # between two looks at it
 
@@ -125,8 +124,7 @@ def _show(done: set[int], count: int, shares: Shares | None, on_progress: OnProg
     on_progress(round(_WHOLE * (len(done) + sum(parts))), _WHOLE * count, mean)
 
 
-SHORTER = 4
-"""Times that a trial is shorter than the training that it is for."""
+SHORTER = 4  # times that a trial is shorter than the training that it is for
 Settings = dict[str, float]
 
 
@@ -165,7 +163,8 @@ def search_settings(
     ]
     train_side_by_side(runs, executor, on_progress, shares)
     trials = [
-        SettingsTrial(settings, _least_error(run.folder)) for settings, run in zip(grid, runs, strict=True)
+        SettingsTrial(settings, float(-np.max(read_progress(run.folder / CURVE_FILE)["return"])))
+        for settings, run in zip(grid, runs, strict=True)
     ]
     trials.sort(key=lambda trial: trial.error_deg2)
     write_whole(folder / FILE, _table(trials))
@@ -190,10 +189,6 @@ def trials_table(trials: Sequence[SettingsTrial]) -> str:
 
 def _name(settings: Settings) -> str:
     return "_".join(f"{name}_{value:g}" for name, value in settings.items())
-
-
-def _least_error(folder: Path) -> float:
-    return float(-np.max(read_progress(folder / CURVE_FILE)["return"]))
 
 
 def _table(trials: Sequence[SettingsTrial]) -> str:

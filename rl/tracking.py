@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TRAVEL_COST_PER_MM = 0.1
-"""Cost of travel: the fastest command costs a quarter of what an error of 1 deg does."""
+TRAVEL_COST_PER_MM = 0.1  # cost of travel: the fastest command costs a quarter of what an error of 1 deg does
 
 
 @dataclasses.dataclass(frozen=True)

@@ -29,8 +29,7 @@ Train = Callable[[Records, ActiveModel, "TrainingOptions", Path, OnProgress | No
 TrainOnTwins = Callable[["Simulated", "TrainingOptions", Path, OnProgress | None], Path]
 
 
-RATES = (1e-3, 3e-3, 1e-2)
-"""Learning rates that a search tries."""
+RATES = (1e-3, 3e-3, 1e-2)  # learning rates that a search tries
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,24 +63,18 @@ def material_of(knowledge: "Knowledge") -> Material:
 
 @dataclasses.dataclass(frozen=True)
 class Trainer:
-    """Training of one method, on records or on simulated twins.
+    """Training of one method, on records or on simulated twins."""
 
-    Attributes:
-        method: that it trains.
-        train: trains on records into a folder and returns the trained file; a finished run is left as it is,
-            but for one of PPO that is asked for more episodes.
-        on_twins: the same on twins of a preset, which it simulates.
-        unit: of progress, in the plural.
-        counts_samples: whether an episode is a record of whatever number of samples, as in PPO, so that at a
-            shorter sample time fewer episodes are as much to learn from.
-        searched: values of settings on twins that a search tries, each with each.
-    """
-
-    method: MethodSpec
+    method: MethodSpec  # that it trains
+    # trains on records into a folder and returns the trained file; a finished run is left as it is, but for
+    # one of PPO that is asked for more episodes
     train: Train | None = None
-    on_twins: TrainOnTwins | None = None
-    unit: str = "steps"
+    on_twins: TrainOnTwins | None = None  # the same on twins of a preset, which it simulates
+    unit: str = "steps"  # of progress, in the plural
+    # an episode is a record of whatever number of samples, as in PPO: at a shorter sample time, fewer
+    # episodes are as much to learn from
     counts_samples: bool = False
+    # values of settings on twins that a search tries, each with each
     searched: Mapping[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)
 
     def run(

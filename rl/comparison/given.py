@@ -26,12 +26,7 @@ def given_files(
     """Return trained files by agent, and refuse one that was trained for something else.
 
     Raises `ValueError` where two of one agent differ in more than their seed, one is of another sample time
-    or filter, or a `cost.json` is damaged.
-
-    Args:
-        paths: of the files.
-        model: of the comparison, for estimators that have none of their own.
-        sample_times: T at which they are to run [s].
+    or filter than the comparison, or a `cost.json` is damaged.
     """
     files: dict[str, tuple[Path, ...]] = {}
     first: dict[str, TrainedFile] = {}
@@ -49,7 +44,7 @@ def given_files(
         seeds.add((agent, seed))
         if len(files.get(agent, ())) >= MOST_TRAININGS:
             raise InputError(f"{path}: more than {MOST_TRAININGS} policies of the agent {agent!r}")
-        estimator: Any = training.load(path)
+        estimator: Any = training.load(file)
         read_cost(path.parent)  # refuses a mistake now, not after the training of others
         for sample_time in sample_times:
             if training.on_twins:

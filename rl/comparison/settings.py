@@ -96,18 +96,15 @@ class Settings:
 
 @dataclasses.dataclass(frozen=True)
 class Suite(Settings):
-    """A comparison with all that its settings refer to.
+    """A comparison with all that its settings refer to."""
 
-    Attributes:
-        trained: trained files of each given agent, one for each training run of it.
-        reference: reference model of the paper's suite; without it, only methods that need none are compared.
-        recorded_variance: R of recorded measurements, where they are used instead of drawn noise [deg^2].
-        origin: command, versions and hashes of the data, for `evaluation.json`.
-    """
-
+    # trained files of each given agent, one for each training run of it
     trained: dict[str, tuple[Path, ...]] = dataclasses.field(default_factory=dict)
+    # reference model of the paper's suite; without it, only methods that need none are compared
     reference: "ColemanHodgdon | None" = None
+    # R of recorded measurements, where they are used instead of drawn noise [deg^2]
     recorded_variance: float | None = None
+    # command, versions and hashes of the data, for `evaluation.json`
     origin: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:

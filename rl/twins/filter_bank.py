@@ -34,11 +34,9 @@ class NoiseModels(NamedTuple):
     log_prior: Tensor  # (B, J) logarithm of how likely each noise model is before anything is measured
 
     def log_parts(self, residual: Tensor, doubt: Tensor) -> Tensor:
-        """Return (B, J, K) log-densities of a residual, by part; the common 2 pi is left out.
+        """Return (B, J, K) log-densities of a residual from each part; the common 2 pi is left out.
 
-        Args:
-            residual: (B, J, K) from each part, in units of sqrt(R).
-            doubt: (B,) variance of the belief of the angle in units of R.
+        Residuals (B, J, K) are in units of sqrt(R), `doubt` (B,) is the variance of the angle in units of R.
         """
         return log_density(self.log_weight, residual, self.width + doubt[:, None, None])
 
@@ -141,14 +139,6 @@ class FilterBankPrediction(NamedTuple):
     towards: Tensor  # (B, n) P a, before P grows
 
 
-class BankEstimate(NamedTuple):
-    """Estimate of the filter bank."""
-
-    offset: Tensor  # (B,) angle about the mean of the members [deg]
-    variance: Tensor  # (B,) of it [deg^2]
-    belief: NoiseBelief  # in the noise models, after the sample
-
-
 class FilterBank(torch.nn.Module):
     """Filters of twins, one for each noise_model."""
 
@@ -175,14 +165,7 @@ class FilterBank(torch.nn.Module):
     def predict(
         self, state: FilterBankState, angle: Tensor, keep: Tensor, variance: Tensor
     ) -> FilterBankPrediction:
-        """Return the state as predicted.
-
-        Args:
-            state: after the sample before.
-            angle: (B, n) of theta on c and d.
-            keep: (B, n) what is left of them.
-            variance: (B,) R [deg^2].
-        """
+        """Return the prediction, by theta on c and d and what is left of them (B, n), and R (B,) [deg^2]."""
         belief = self.believe(state.evidence, variance)
         rows = state.rows * keep[:, None, :]
         covariance = state.covariance * (keep[:, :, None] * keep[:, None, :])
@@ -192,24 +175,17 @@ class FilterBank(torch.nn.Module):
 
     def update(
         self,
-        prior: FilterBankPrediction,
-        grows: Tensor,
-        measured: Tensor,
-        seen: Tensor,
-        variance: Tensor,
-        on_gain: Tensor,
-        on_noise: Tensor,
-    ) -> tuple[BankEstimate, FilterBankState]:
-        """Return the estimate and the state after a sample.
+        prior: FilterBankPrediction,  # from `predict`
+        grows: Tensor,  # (B, n) what the variances of c and d grow by
+        measured: Tensor,  # (B,) measurement about the mean of the members [deg]
+        seen: Tensor,  # (B,) 1 where there is one
+        variance: Tensor,  # (B,) R [deg^2]
+        on_gain: Tensor,  # (B,) what the policy adds to the logit of every gain
+        on_noise: Tensor,  # (B,) logarithm of what it multiplies R by, as P shrinks
+    ) -> tuple[Tensor, Tensor, NoiseBelief, FilterBankState]:
+        """Return angle and variance (B,) [deg], [deg^2], and belief and state after a sample.
 
-        Args:
-            prior: from `predict`.
-            grows: (B, n) what the variances of c and d grow by.
-            measured: (B,) measurement about the mean of the members [deg].
-            seen: (B,) 1 where there is one.
-            variance: (B,) R [deg^2].
-            on_gain: (B,) what the policy adds to the logit of every gain.
-            on_noise: (B,) logarithm of what it multiplies R by, as P shrinks.
+        The angle is about the mean of the members.
         """
         angle, noise_models, root = prior.angle, prior.belief.noise_models, torch.sqrt(variance)
         covariance = prior.covariance + grows[:, :, None] * self.motion.unit
@@ -237,7 +213,7 @@ class FilterBank(torch.nn.Module):
         offset = (after.weights * offsets).sum(dim=-1)
         between = (after.weights * (offsets - offset[:, None]) ** 2).sum(dim=-1)
         own = doubt * (1 - doubt * shrink[:, 0])
-        return BankEstimate(offset, own + between, after), FilterBankState(rows, covariance, evidence)
+        return offset, own + between, after, FilterBankState(rows, covariance, evidence)
 
 
 def _believe(noise_models: NoiseModels, evidence: Tensor) -> NoiseBelief:

@@ -36,8 +36,7 @@ def along(values: Tensor, vector: Tensor) -> Tensor:
 
 
 LEAST_VARIANCE = 1e-8  # [deg^2]
-ALL, NOTHING = torch.tensor([1.0, 1.0]), torch.tensor([0.0, 0.0])
-"""Parts of a step that are on, 1 or 0: the policy and the noise classifier."""
+ALL = torch.tensor([1.0, 1.0])  # parts of a step that are on, 1 or 0: the policy and the noise classifier
 
 
 class Output(NamedTuple):
@@ -53,23 +52,16 @@ class Output(NamedTuple):
 
 
 class FilterStep(torch.nn.Module):
-    """One sample of a filter that learns: called with what it predicts by, a measurement and a state.
+    """One sample of a filter that learns: called with what it predicts by, a measurement and a state."""
 
-    Attributes:
-        slow: names of parameters that learn in smaller steps than the others.
-        by_likelihood: whether it learns by the likelihood of its errors under its own variance, instead of by
-            the balanced square errors (`rl/twins/learning.py`).
-        actions: of the policy.
-        seen: numbers that the interval, and a policy from outside, are made of.
-    """
-
-    slow: ClassVar[tuple[str, ...]] = ()
+    slow: ClassVar[tuple[str, ...]] = ()  # names of parameters that learn in smaller steps
+    # whether it learns by the likelihood of its errors under its own variance, or by balanced square errors
     by_likelihood: ClassVar[bool] = False
-    actions: ClassVar[int]
+    actions: ClassVar[int]  # of the policy
 
     def __init__(self, seen: int):
         super().__init__()
-        self.seen = seen
+        self.seen = seen  # numbers that the interval, and a policy from outside, are made of
         self.interval = network(seen, 16, 1, layers=1)
         with torch.no_grad():
             last_layer(self.interval).weight.zero_()

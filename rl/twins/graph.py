@@ -11,13 +11,9 @@ from rl.twins.filter_step import FilterStep
 from rl.twins.step import TwinsStep
 from twin.estimation.learned.step import ALL_PARTS, PARTS
 
-_BY_MODEL: dict[str, tuple[int, ...]] = {"keep": (), "drive_deg": (), "increment_mm": ()}
-_OF_SAMPLE: dict[str, tuple[int, ...]] = {
-    "measurement_deg": (),
-    "variance": (),
-    "sample_time": (),
-    PARTS: (len(ALL_PARTS),),
-}
+_BY_MODEL: dict[str, tuple[int, ...]] = dict.fromkeys(("keep", "drive_deg", "increment_mm"), ())
+_OF_SAMPLE: dict[str, tuple[int, ...]] = dict.fromkeys(("measurement_deg", "variance", "sample_time"), ())
+_OF_SAMPLE |= {PARTS: (len(ALL_PARTS),)}
 
 
 class StepGraph(torch.nn.Module):

@@ -7,26 +7,23 @@
 4. The width of the interval learns by the pinball loss (Koenker and Bassett 1978): a quantile of |error|.
 """
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from rl.run import load_checkpoint, save_checkpoint, unusable
-from rl.supervised import GRADIENT_LIMIT
+from rl.run import Keeper
+from rl.supervised import OnUpdate, descend
 from rl.twins.filter_bank import NoiseModelParameters, log_density
 from rl.twins.filter_step import ALL, FilterStep, Output
 from rl.twins.noises import draw_noises
 from rl.twins.ood_detector import Histograms
-from rl.twins.records import STRIDES, DrawsSequences, Sequences, SequenceSource
+from rl.twins.records import STRIDES, Sequences, SequenceSource
 from rl.twins.settings import SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
-from twin.errors import DivergedError
 from twin.signals.streams import SeedUse, random_stream
 
 POWER = 0.7  # errors squared grow with R to about this power: one R counts as much as another
@@ -37,18 +34,13 @@ _SLOWEST = 0.05  # weight of a new mean among those before
 
 
 class TypicalErrors:
-    """Running means of errors squared over R^0.7, by family, sample time and window.
-
-    Attributes:
-        means: (families, sample times, windows), zero where none has been met.
-        met: how often each has been met.
-    """
+    """Running means of errors squared over R^0.7, by family, sample time and window."""
 
     def __init__(self, settings: SimulatedTraining):
         shape = (len(settings.noises), len(STRIDES), settings.windows)
         self.window = settings.window
-        self.means: NDArray[np.float64] = np.zeros(shape)
-        self.met: NDArray[np.float64] = np.zeros(shape)
+        self.means: NDArray[np.float64] = np.zeros(shape)  # zero where none has been met
+        self.met: NDArray[np.float64] = np.zeros(shape)  # how often each has been met
 
     def loss(self, square_deg2: torch.Tensor, window: Sequences, place: int) -> torch.Tensor:
         """Return the balanced loss of one window, and meet it; arguments as in `meet`."""
@@ -56,13 +48,7 @@ class TypicalErrors:
         return (self.factors(window, place) * square_deg2).mean()
 
     def meet(self, square_deg2: torch.Tensor, window: Sequences, place: int) -> None:
-        """Learn what is typical.
-
-        Args:
-            square_deg2: (B,) mean square error of each sequence in the window [deg^2].
-            window: its sequences.
-            place: of the window in the episode.
-        """
+        """Learn what is typical, by (B,) mean square errors of sequences in a window [deg^2]."""
         scaled = square_deg2 / window.variance**POWER
         for family in torch.unique(window.family).tolist():
             where = family, STRIDES.index(window.stride), place
@@ -94,81 +80,10 @@ class TypicalErrors:
 
 
 def departure(action: torch.Tensor, linear: torch.Tensor) -> torch.Tensor:
-    """Return (B,) how far a policy departs from the linear update where that is best.
-
-    Args:
-        action: (B, actions) of it, before they are bounded: on the gain, on R, and others that are free.
-        linear: (B,) 1 where the linear update is the best there is or near it, else 0.
-    """
+    """Return (B,) how far actions (B, actions) depart from the linear update where that is best."""
     return linear * (torch.tanh(action[:, :2]) ** 2).sum(dim=1)
 
 
-Array = NDArray[np.float64]
-
-
-@dataclasses.dataclass
-class Keeper:
-    """Keeper of the state of a lesson.
-
-    Attributes:
-        path: of the file.
-        key: of the run, from `state_key`.
-        every: updates between two checkpoints, such that sequences start again there.
-        step: that learns.
-        best: weights that were best on held-out twins so far, by name.
-        curve: rows of `progress.csv`, which start with samples so far and minus the typical square error then
-            [deg^2].
-        tables: arrays that the lesson keeps too, by name; they are filled in their place.
-    """
-
-    path: Path
-    key: str
-    every: int
-    step: FilterStep
-    best: dict[str, torch.Tensor] = dataclasses.field(default_factory=dict)
-    curve: list[tuple[float, ...]] = dataclasses.field(default_factory=list)
-    tables: dict[str, Array] = dataclasses.field(default_factory=dict)
-
-    def is_there(self) -> bool:
-        """Return whether there is a checkpoint of this run; raises `ValueError` for a file that is none."""
-        return load_checkpoint(self.path, self.key) is not None
-
-    def keep(self, update: int, optimiser: torch.optim.Optimizer, *, last: bool = False) -> None:
-        """Write a checkpoint after every so many updates, and after the last one."""
-        if update % self.every and not last:
-            return
-        state = {
-            "update": update,
-            "curve": self.curve,
-            "step": self.step.state_dict(),
-            "optimiser": optimiser.state_dict(),
-            "best": self.best,
-            "tables": {name: torch.from_numpy(values) for name, values in self.tables.items()},
-        }
-        save_checkpoint(self.path, self.key, state)
-
-    def restore(self, optimiser: torch.optim.Optimizer) -> int:
-        """Bring step and optimiser to the checkpoint, and return its update; 0 if there is none."""
-        state = load_checkpoint(self.path, self.key)
-        if state is None:
-            return 0
-        try:
-            self.step.load_state_dict(state["step"])
-            optimiser.load_state_dict(state["optimiser"])
-            for name, values in self.tables.items():
-                values[...] = state["tables"][name].numpy()
-            self.best, self.curve[:] = state["best"], state["curve"]
-            return int(state["update"])
-        except Exception as error:  # what does not fit, in classes of torch
-            raise unusable(self.path) from error
-
-    def remove(self) -> None:
-        """Remove the checkpoint, if there is one."""
-        self.path.unlink(missing_ok=True)
-
-
-OnUpdate = Callable[[int, float], None]
-"""Called with the updates of a lesson that are done, and its latest loss."""
 COVERAGE = 0.95
 
 
@@ -207,12 +122,15 @@ def fit_ood_detector(step: TwinsStep, source: SequenceSource, settings: TwinsTra
 
 def learn_gain(
     step: FilterStep,
-    source: DrawsSequences,
+    draw: Callable[[int, int, np.random.Generator], Sequences],
     settings: SimulatedTraining,
     on_update: OnUpdate | None = None,
     keeper: Keeper | None = None,
 ) -> None:
-    """Train all by back-propagation through the filter; a checkpoint is taken up."""
+    """Train all by back-propagation through the filter; a checkpoint is taken up.
+
+    `draw` returns a number of sequences of a number of samples, as of a `SequenceSource`.
+    """
     typical = TypicalErrors(settings)
     if keeper:
         keeper.tables |= {"typical": typical.means, "met": typical.met}
@@ -224,7 +142,7 @@ def learn_gain(
         place = update % windows
         if place == 0:
             rng = random_stream(settings.seed, SeedUse.LESSON_GAIN, update)
-            whole = source.draw(settings.sequences, episode, rng)
+            whole = draw(settings.sequences, episode, rng)
             held[:] = [(whole, step.start(whole.variance))]
         whole, state = held[0]
         if place:  # the state is handed on to the next window, its history is not
@@ -334,34 +252,6 @@ def validation(
     return loss, moments.flatten().tolist()
 
 
-def descend(
-    groups: list[dict[str, Any]],
-    loss: Callable[[int], torch.Tensor],
-    updates: int,
-    rate: float,
-    on_update: OnUpdate | None,
-    keeper: Keeper | None = None,
-) -> None:
-    """Take gradient steps by Adam; the learning rate falls to zero along a cosine."""
-    optimiser = torch.optim.Adam(groups, lr=rate, betas=(0.9, 0.99))
-    parameters = [values for group in optimiser.param_groups for values in group["params"]]
-    begin = keeper.restore(optimiser) if keeper else 0
-    for update in range(begin, updates):
-        for group in optimiser.param_groups:
-            group["lr"] = rate * group.get("share", 1.0) * (1 + math.cos(math.pi * update / updates)) / 2
-        value = loss(update)
-        if not torch.isfinite(value):
-            raise DivergedError(f"the training has diverged: the loss of update {update + 1} is no number")
-        optimiser.zero_grad()
-        value.backward()
-        torch.nn.utils.clip_grad_norm_(parameters, GRADIENT_LIMIT)
-        optimiser.step()
-        if on_update:
-            on_update(update + 1, value.item())
-        if keeper:
-            keeper.keep(update + 1, optimiser, last=update + 1 == updates)
-
-
 Tensor = torch.Tensor
 
 BATCH, SAMPLES = 512, 24  # sequences of one update, and samples of each
@@ -400,23 +290,14 @@ def learn_noise_models(
 
 
 def noise_models_loss(
-    noise_models: NoiseModelParameters,
-    noise_model: Tensor,
-    variance: Tensor,
-    mean: Tensor,
-    residual: Tensor,
-    doubt: Tensor,
+    noise_models: NoiseModelParameters,  # that learn
+    noise_model: Tensor,  # (B,) that each sequence is of
+    variance: Tensor,  # (B,) R of each [deg^2]
+    mean: Tensor,  # (B,) of its noise in units of sqrt(R)
+    residual: Tensor,  # (B, N) samples in units of sqrt(R), smeared
+    doubt: Tensor,  # (B, 1) variance that they are smeared by, in units of R
 ) -> Tensor:
-    """Return the loss of noise models on samples of them.
-
-    Args:
-        noise_models: that learn.
-        noise_model: (B,) that each sequence is of.
-        variance: (B,) R of each [deg^2].
-        mean: (B,) of its noise in units of sqrt(R).
-        residual: (B, N) samples in units of sqrt(R), smeared.
-        doubt: (B, 1) variance that they are smeared by, in units of R.
-    """
+    """Return the loss of noise models on samples of them."""
     every = noise_models(variance)
     rows = torch.arange(len(noise_model))
     place, log_weight, width = (

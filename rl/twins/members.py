@@ -23,14 +23,12 @@ from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
 
-CANDIDATES = 8
-"""Endoscopes that a member is chosen from."""
+CANDIDATES = 8  # endoscopes that a member is chosen from
 WIDER = 1.15
 """Times the ranges: what candidates are spread over. Members at the very ends hold more between them."""
 UNEXPLAINED_DEG = 2.0
 """Of an angle, what the ensemble need not explain; with less, members crowd where many endoscopes are."""
-COMMANDS = 10
-"""Along which candidates are compared."""
+COMMANDS = 10  # along which candidates are compared
 _SECONDS, _SAMPLE_TIME = 40.0, 0.1  # of each command
 _EVERY = 4  # samples; neighbours add little
 _DIRECTIONS = 60  # in which candidates are compared, at most
@@ -66,18 +64,10 @@ def choose_members(
 
 
 def likeliest_ensemble(angles: Array, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Return which of C candidates make an ensemble under which all of them are likely.
+    """Return which (M,) of C candidates make an ensemble under which all of them are likely.
 
     A hundred times over, each member is exchanged for another candidate, drawn at random, if that is a gain
-    (after Fedorov 1972, who tries all).
-
-    Args:
-        angles: (C, N) of the candidates [deg].
-        count: M, of the members.
-        rng: order in which exchanges are tried.
-
-    Returns:
-        (M,) places, in no order that means anything.
+    (after Fedorov 1972, who tries all). Angles are (C, N) [deg].
     """
     apart = angles - angles.mean(axis=0)
     left, singular, _ = np.linalg.svd(apart, full_matrices=False)
@@ -97,13 +87,9 @@ def likeliest_ensemble(angles: Array, count: int, rng: np.random.Generator) -> N
 
 
 def ensemble_unlikelihood(members: Array, others: Array) -> float:
-    """Return minus twice the mean logarithm of the likelihood of others, less a constant.
+    """Return minus twice the mean logarithm of the likelihood of others (C, N) [deg], less a constant.
 
-    The distribution is normal, with mean and covariance of the members, plus `UNEXPLAINED_DEG`.
-
-    Args:
-        members: (M, N) [deg].
-        others: (C, N) [deg].
+    The distribution is normal, with mean and covariance of the members (M, N), plus `UNEXPLAINED_DEG`.
     """
     mean = members.mean(axis=0)
     off = members - mean

@@ -74,27 +74,16 @@ class MemoryStep(FilterStep):
 
     def forward(
         self,
-        keep: Tensor,
-        drive_deg: Tensor,
-        increment_mm: Tensor,
-        measurement_deg: Tensor,
-        variance: Tensor,
-        sample_time: Tensor,
-        parts: Tensor,
-        state: MemoryState,
+        keep: Tensor,  # (B,) what a step of the model keeps of the angle
+        drive_deg: Tensor,  # (B,) what it adds [deg]
+        increment_mm: Tensor,  # (B,) of the pull [mm]
+        measurement_deg: Tensor,  # (B,) NaN where there is none [deg]
+        variance: Tensor,  # (B,) R, as given [deg^2]
+        sample_time: Tensor,  # (B,) T [s]
+        parts: Tensor,  # (2,) 1 or 0: whether the policy is on, and whether its output for b is used
+        state: MemoryState,  # after the sample before
     ) -> tuple[Output, MemoryState]:
-        """Return the estimates and the states one sample later.
-
-        Args:
-            keep: (B,) what a step of the model keeps of the angle.
-            drive_deg: (B,) what it adds [deg].
-            increment_mm: (B,) of the pull [mm].
-            measurement_deg: (B,) NaN where there is none [deg].
-            variance: (B,) R, as given [deg^2].
-            sample_time: (B,) T [s].
-            parts: (2,) 1 or 0: whether the policy is on, and whether its output for b is used.
-            state: after the sample before.
-        """
+        """Return the estimates and the states one sample later."""
         policy_on, bias_on = parts.split(1)
         root, T = torch.sqrt(variance), sample_time
         theta, error = (of[:, 0] for of in state.mean.split(1, dim=1))

@@ -17,8 +17,7 @@ Array = NDArray[np.float64]
 
 LINEAR = ("gaussian", "uniform")
 """Families without tails and skew: what a policy could gain there is little, what it can spoil is much."""
-VARIANCES = (0.05, 8.0)
-"""Least and greatest R of most families [deg^2]; a variance of outliers may be larger."""
+VARIANCES = (0.05, 8.0)  # least and greatest R of most families [deg^2]; a variance of outliers may be larger
 
 
 class NoiseBatch(NamedTuple):

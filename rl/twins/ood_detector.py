@@ -22,13 +22,9 @@ class ResidualHistogram(torch.nn.Module):
         self.centres = torch.nn.Buffer(torch.linspace(-LARGEST_RESIDUAL, LARGEST_RESIDUAL, BINS))
 
     def forward(self, residual: Tensor, doubt: Tensor) -> Tensor:
-        """Return (..., BINS) what residuals count in the histogram.
+        """Return (..., BINS) what residuals (...) count; the variance of the prediction is in units of R.
 
-        A residual is shared by the two nearest bins; one of a prediction that is in doubt counts less.
-
-        Args:
-            residual: (...) in units of sqrt(R).
-            doubt: (...) variance of the prediction in units of R.
+        A residual, in units of sqrt(R), is shared by the two nearest bins; one that is in doubt counts less.
         """
         place = _arsinh(4 * residual).clamp(-LARGEST_RESIDUAL, LARGEST_RESIDUAL)
         between = 2 * LARGEST_RESIDUAL / (BINS - 1)
@@ -60,30 +56,18 @@ class Histograms(NamedTuple):
 
 
 class OodDetector(torch.nn.Module):
-    """Histograms of the noise models, and the limit of the divergence by noise model and number of counts.
-
-    Attributes:
-        histograms: (J, levels, BINS) logarithms of probabilities.
-        level: (J,) of the limit, where very much is counted.
-        slope: what the limit has more where less is counted, over 1 / counts.
-    """
+    """Histograms of the noise models, and the limit of the divergence by noise model and number of counts."""
 
     def __init__(self, noise_models: int):
         super().__init__()
         begin, end, count = LEVELS
         self.centres = torch.nn.Buffer(torch.linspace(begin, end, count))
-        self.histograms = torch.nn.Buffer(torch.zeros(noise_models, count, BINS))
-        self.level = torch.nn.Buffer(torch.full((noise_models,), 1e9))
-        self.slope = torch.nn.Buffer(torch.tensor(0.0))
+        self.histograms = torch.nn.Buffer(torch.zeros(noise_models, count, BINS))  # logarithms
+        self.level = torch.nn.Buffer(torch.full((noise_models,), 1e9))  # where very much is counted
+        self.slope = torch.nn.Buffer(torch.tensor(0.0))  # what the limit has more, over 1 / counts
 
     def divergence(self, weights: Tensor, counts: Tensor, log_variance: Tensor) -> Tensor:
-        """Return (B,) the divergence sum p log(p / q) of the counts from the belief.
-
-        Args:
-            weights: (B, J) of the noise_models.
-            counts: (B, BINS).
-            log_variance: (B,) logarithm of R.
-        """
+        """Return (B,) the divergence sum p log(p / q) of counts (B, BINS) from a belief (B, J)."""
         return self._from(self.histograms, weights, counts, log_variance)
 
     def _from(self, histograms: Tensor, weights: Tensor, counts: Tensor, log_variance: Tensor) -> Tensor:
@@ -177,8 +161,7 @@ class Fallback(torch.nn.Module):
     def narrower(self, counts: Tensor) -> Tensor:
         """Return (B,) what R is multiplied by: less than 1 where tails are heavy, by the width of the middle.
 
-        Args:
-            counts: (B, BINS) histogram of residuals in units of sqrt(R).
+        Counts (B, BINS) are a histogram of residuals in units of sqrt(R).
         """
         total = counts.sum(dim=-1)
         some = total.clamp(min=LEAST_COUNTS)
@@ -195,11 +178,6 @@ class Fallback(torch.nn.Module):
         return (1 - uneven).clamp(min=0, max=1) * counted.clamp(min=0, max=1)
 
     def forward(self, strange: Tensor, counts: Tensor) -> Verdict:
-        """Return what a filter does under noise that is so strange.
-
-        Args:
-            strange: (B,) from 0 to 1.
-            counts: as in `narrower`.
-        """
+        """Return what a filter does under noise of counts (B, BINS) that is so strange (B,), from 0 to 1."""
         narrower = 1 - strange * (1 - self.narrower(counts))
         return Verdict(strange, narrower, strange * self.symmetry(counts) * counts.sum(dim=-1))

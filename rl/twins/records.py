@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -22,10 +22,8 @@ from twin.signals.streams import SeedUse, random_stream
 
 Array32 = NDArray[np.float32]
 
-SAMPLE_TIME = 0.02
-"""Between two samples of a training record [s]; coarser sampling thins it."""
-STROKE_MM = (-4.0, 4.0)
-"""Of the commands, where none is asked for [mm]."""
+SAMPLE_TIME = 0.02  # between two samples of a training record [s]; coarser sampling thins it
+STROKE_MM = (-4.0, 4.0)  # of the commands, where none is asked for [mm]
 _NARROWEST = 1 / 8  # width of a stroke, as a share of the widest
 _WIDER = 1.3  # times the ranges: what a fourth of the twins is drawn from
 _SPARE = 1  # twins beyond those that are asked for
@@ -33,12 +31,8 @@ _LONGEST = 3600.0  # time that these have moved for when a record begins [s]
 _MOVING = 0.35  # share of twins whose sheath is bent on during the record
 
 
-class TwinRecords(NamedTuple):
-    """C commands, M members and K twins along each, sampled at `SAMPLE_TIME`."""
-
-    pull_mm: Array32  # (C, N) command [mm]
-    members_deg: Array32  # (C, M, N) angle of the members [deg]
-    truth_deg: Array32  # (C, K, N) angle of the twins that are estimated [deg]
+TwinArrays = tuple[Array32, Array32, Array32]
+"""Commands (C, N) [mm], angles (C, M, N) of M members and (C, K, N) of K twins along each [deg]."""
 
 
 def simulate_records(
@@ -52,8 +46,8 @@ def simulate_records(
     stroke_mm: tuple[float, float] = STROKE_MM,
     seed: int,
     on_progress: Callable[[int, int], None] | None = None,
-) -> TwinRecords:
-    """Simulate training records by the reduced twin."""
+) -> TwinArrays:
+    """Simulate training records by the reduced twin, sampled at `SAMPLE_TIME`."""
     kinds, wide = list(SIGNALS), ranges.wider(_WIDER)
     pulls, bends, count = [], [], len(members.presets)
     for number in range(commands):
@@ -81,7 +75,7 @@ def simulate_records(
         if on_progress:
             on_progress(number + 1, commands)
     bend = np.array(bends)
-    return TwinRecords(np.array(pulls, np.float32) * 1e3, bend[:, :count], bend[:, count:])
+    return np.array(pulls, np.float32) * 1e3, bend[:, :count], bend[:, count:]
 
 
 def _members_along(
@@ -133,42 +127,33 @@ class Sequences(NamedTuple):
         )
 
 
-Prediction = Callable[[TwinRecords, Places, Places], tuple[torch.Tensor, ...]]
+Prediction = Callable[[TwinArrays, Places, Places], tuple[torch.Tensor, ...]]
 """Inputs (N, B, ...) of a step for (B,) commands at (N + 1, B) samples, the first of which is the start."""
 
 
-def by_members(records: TwinRecords, command: Places, index: Places) -> tuple[torch.Tensor, ...]:
+def by_members(records: TwinArrays, command: Places, index: Places) -> tuple[torch.Tensor, ...]:
     """Return the angle of the members (N, B, M) [deg] and the way of the tendon (N, B) [mm]."""
-    followed = records.pull_mm[command, index]
-    members = records.members_deg[command, :, index[1:]]
-    return tensor32(members), tensor32(np.abs(np.diff(followed, axis=0)))
+    pull_mm, members_deg, _ = records
+    way_mm = np.abs(np.diff(pull_mm[command, index], axis=0))
+    return tensor32(members_deg[command, :, index[1:]]), tensor32(way_mm)
 
 
 def by_model(model: ColemanHodgdon) -> Prediction:
     """Return what gives keep, drive [deg] and the increment of the pull [mm], each (N, B)."""
 
-    def predict(records: TwinRecords, command: Places, index: Places) -> tuple[torch.Tensor, ...]:
-        pull = records.pull_mm[command, index].astype(float)
+    def predict(records: TwinArrays, command: Places, index: Places) -> tuple[torch.Tensor, ...]:
+        pull = records[0][command, index].astype(float)
         keep, drive, _ = affine_step(model, model.start(pull[1:]), pull[1:], pull[:-1])
         return tensor32(keep), tensor32(drive), tensor32(np.diff(pull, axis=0))
 
     return predict
 
 
-class DrawsSequences(Protocol):
-    """Source of sequences, as the lesson of the gain needs it."""
-
-    def draw(
-        self, count: int, samples: int, rng: np.random.Generator, stride: int | None = None
-    ) -> Sequences:
-        """Return sequences; their sample time is the source's own, or `stride` times its least."""
-
-
 @dataclasses.dataclass(frozen=True)
 class SequenceSource:
     """Source of sequences."""
 
-    records: TwinRecords  # that stretches are taken from
+    records: TwinArrays  # that stretches are taken from
     noises: tuple[str, ...]  # families of the noise
     predict: Prediction = by_members  # gives the inputs of the step
     strides: tuple[int, ...] = STRIDES  # sample times over that of the records, the most frequent first
@@ -181,12 +166,13 @@ class SequenceSource:
             others = len(self.strides) - 1
             shares = [SHARE_OF_FIRST, *[(1 - SHARE_OF_FIRST) / others] * others] if others else [1.0]
             stride = int(rng.choice(self.strides, p=shares))
-        last = self.records.pull_mm.shape[1] - 1 - samples * stride
-        command = rng.integers(len(self.records.pull_mm), size=count)
-        twin = rng.integers(self.records.truth_deg.shape[1], size=count)
+        pull_mm, _, truth_deg = self.records
+        last = pull_mm.shape[1] - 1 - samples * stride
+        command = rng.integers(len(pull_mm), size=count)
+        twin = rng.integers(truth_deg.shape[1], size=count)
         start = np.where(rng.uniform(size=count) < FROM_THE_START, 0, rng.integers(last + 1, size=count))
         index = start + np.arange(samples + 1)[:, None] * stride  # (N + 1, B)
-        angle = self.records.truth_deg[command, twin, index[1:]]
+        angle = truth_deg[command, twin, index[1:]]
         noise = draw_noises(self.noises, count, samples, rng)
         return Sequences(
             self.predict(self.records, command, index),
@@ -201,21 +187,8 @@ class SequenceSource:
         )
 
 
-def split_records(records: TwinRecords, held_out: int) -> tuple[TwinRecords, TwinRecords]:
-    """Return the records of all commands but the last few, and of those: for validation."""
-    return (
-        TwinRecords(*(values[:-held_out] for values in records)),
-        TwinRecords(*(values[-held_out:] for values in records)),
-    )
-
-
 def principal_directions(members_deg: NDArray[np.float32], rank: int) -> torch.Tensor:
-    """Return the (M, r) directions among the members along which they differ most.
-
-    Args:
-        members_deg: (C, M, N) angle of the members [deg].
-        rank: r.
-    """
+    """Return the (M, r) directions along which angles (C, M, N) of the members differ most."""
     thinned = members_deg[:, :, ::25].astype(float)
     anomaly = (thinned - thinned.mean(axis=1, keepdims=True)).transpose(1, 0, 2)
     rows = anomaly.reshape(len(anomaly), -1)

@@ -11,19 +11,18 @@ from typing import Any, TypeVar
 import torch
 
 from rl.options import TRAINING_STROKE_MM, TrainingOptions
-from rl.run import action_columns, write_curve
+from rl.run import Keeper, action_columns, write_curve
 from rl.trainers import OnProgress, Simulated, TrainOnTwins
 from rl.twins.filter_step import FilterStep
-from rl.twins.learning import Keeper, learn_gain, learn_interval, validation
+from rl.twins.learning import learn_gain, learn_interval, validation
 from rl.twins.records import (
     SAMPLE_TIME,
     STRIDES,
     Prediction,
     SequenceSource,
-    TwinRecords,
+    TwinArrays,
     by_model,
     simulate_records,
-    split_records,
 )
 from rl.twins.settings import SimulatedTraining
 from twin import __version__
@@ -44,32 +43,25 @@ VALIDATIONS = 12  # over each lesson of the gain
 _COSTS = {"members": 3, "simulation": 25, "noise_models": 5, "analytic": 55, "ppo": 15, "interval": 5}
 """Time of the parts of a training, relative to each other."""
 Settings = TypeVar("Settings", bound=SimulatedTraining)
-OnShare = Callable[[int, int], None]
-"""Called with how much of a part is done, and of how much."""
+OnShare = Callable[[int, int], None]  # called with how much of a part is done, and of how much
 OnWeights = Callable[[int], None]
 """Called with the number of samples that the current weights have learned from."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Learner:
-    """Method that is trained on twins: all that differs from one to the next.
+    """Method that is trained on twins: all that differs from one to the next."""
 
-    Attributes:
-        training: its agent and its file.
-        begin: returns the untrained step, and what it predicts by, for the records to learn from.
-        export: writes the trained step with a description, which has the members, to a path.
-        choose: returns the twins that are simulated along every command next to those that are estimated.
-        prepare: a lesson before that of the gain.
-        explore: the lesson of PPO.
-        guard: a later lesson, that of the detector of strange noise.
-    """
-
-    training: Training
-    begin: Callable[[TwinRecords], tuple[FilterStep, Prediction]]
+    training: Training  # its agent and its file
+    # returns the untrained step, and what it predicts by, for the records to learn from
+    begin: Callable[[TwinArrays], tuple[FilterStep, Prediction]]
+    # writes the trained step with a description, which has the members, to a path
     export: Callable[[Any, dict[str, Any], Path], None]
+    # returns the twins that are simulated along every command next to those that are estimated
     choose: Callable[[OnShare], MemberSet] | None = None
-    prepare: Callable[[Any, OnShare], None] | None = None
-    explore: Callable[[Any, SequenceSource, OnShare, OnWeights], None] | None = None
+    prepare: Callable[[Any, OnShare], None] | None = None  # a lesson before that of the gain
+    explore: Callable[[Any, SequenceSource, OnShare, OnWeights], None] | None = None  # the lesson of PPO
+    # a later lesson, that of the detector of strange noise
     guard: Callable[[Any, SequenceSource], None] | None = None
 
     def parts(self, gain: Sequence[str]) -> list[str]:
@@ -79,29 +71,17 @@ class Learner:
 
 
 def train_on_twins(
-    learner: Learner,
-    preset: Preset,
-    ranges: Ranges,
-    settings: SimulatedTraining,
-    folder: Path,
-    on_progress: OnProgress | None = None,
+    learner: Learner,  # what is trained
+    preset: Preset,  # the endoscope
+    ranges: Ranges,  # what varies from one to the next
+    settings: SimulatedTraining,  # size and length
+    folder: Path,  # where the run is kept
+    on_progress: OnProgress | None = None,  # thousandths, their number, minus the square error
 ) -> Path:
-    """Train into a folder (the file, `config.yaml`, `progress.csv`); a finished run stays.
+    """Train into a folder (file, `config.yaml`, `progress.csv`) and return the file; a finished run stays.
 
     A training that was stopped chooses its members and simulates its twins again, and goes on from its
     checkpoint if the members are the same.
-
-    Args:
-        learner: what is trained.
-        preset: the endoscope.
-        ranges: what varies from one to the next.
-        settings: size and length.
-        folder: where the run is kept.
-        on_progress: called with thousandths done, their number, and minus the typical square error on twins
-            that are held out [deg^2].
-
-    Returns:
-        The trained file.
     """
     check_members([preset])
     check_reached(preset, settings.stroke_mm)
@@ -147,10 +127,15 @@ def _train(
         seed=settings.seed,
         on_progress=shown.of("simulation"),
     )
-    learned, held_out = split_records(records, max(settings.commands // 12, 1))
+    held_out = max(settings.commands // 12, 1)
+    pull_mm, members_deg, truth_deg = records
+    learned, others = (
+        (pull_mm[part], members_deg[part], truth_deg[part])
+        for part in (slice(-held_out), slice(-held_out, None))
+    )
     step, predict = learner.begin(learned)
     source, unseen = (
-        SequenceSource(part, settings.noises, predict, settings.strides) for part in (learned, held_out)
+        SequenceSource(part, settings.noises, predict, settings.strides) for part in (learned, others)
     )
     each = settings.sequences * settings.window
     every = max(settings.updates // (VALIDATIONS * settings.windows), 1) * settings.windows
@@ -177,11 +162,11 @@ def _train(
             validate(update * each)
         shown.of("analytic")(update, settings.updates)
 
-    if learner.prepare and not keeper.is_there():
+    if learner.prepare and keeper.saved is None:
         learner.prepare(step, shown.of("noise_models"))
     before = 0
     if "analytic" in settings.gain:
-        learn_gain(step, source, settings, on_update, keeper)
+        learn_gain(step, source.draw, settings, on_update, keeper)
         step.load_state_dict(keeper.best, strict=False)
         before = settings.updates * each
     if "ppo" in settings.gain and learner.explore:
@@ -203,7 +188,7 @@ def _train(
         **extra,
     }
     learner.export(step, description, path)  # the last: where the file is, the run is finished
-    keeper.remove()
+    keeper.path.unlink(missing_ok=True)
 
 
 def scaled_to_options(
@@ -266,7 +251,7 @@ def train_with_model(
     def model() -> ColemanHodgdon:
         return nominal_model(preset, settings.seed)
 
-    def begin(records: TwinRecords) -> tuple[FilterStep, Prediction]:
+    def begin(records: TwinArrays) -> tuple[FilterStep, Prediction]:
         return make(settings), by_model(model())
 
     def export(step: FilterStep, description: dict[str, Any], path: Path) -> None:

@@ -10,14 +10,10 @@ from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.files.trained_schema import MOST_MEMBERS
 
-SAMPLE_TIMES = tuple(stride * SAMPLE_TIME for stride in STRIDES)
-"""T that can be met [s]."""
-PPO_HORIZON = 25_600
-"""Samples between two updates of PPO."""
-MOST_WIDTH = 512
-"""Of the memory of a network, or of a layer."""
-MOST_LAYERS = 8
-"""Of a policy."""
+SAMPLE_TIMES = tuple(stride * SAMPLE_TIME for stride in STRIDES)  # T that can be met [s]
+PPO_HORIZON = 25_600  # samples between two updates of PPO
+MOST_WIDTH = 512  # of the memory of a network, or of a layer
+MOST_LAYERS = 8  # of a policy
 
 
 @dataclasses.dataclass(frozen=True)

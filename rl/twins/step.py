@@ -83,15 +83,6 @@ FIRST_BIAS = 0.85  # variance of b in units of R before anything is measured
 BIAS_PER_S = 3e-4  # growth of the variance of b in units of R: a sensor may change in an hour
 
 
-class PlainEstimate(NamedTuple):
-    """Estimate of the filter alone; all (B,)."""
-
-    offset: Tensor  # angle about the mean of the members [deg]
-    variance: Tensor  # of it [deg^2]
-    residual: Tensor  # what is left of the measurement, in units of sqrt(R)
-    doubt: Tensor  # variance of the prediction of the measurement, in units of R
-
-
 class PlainFilter(torch.nn.Module):
     """Kalman filter of c, d and b."""
 
@@ -111,30 +102,21 @@ class PlainFilter(torch.nn.Module):
 
     def forward(
         self,
-        mean: Tensor,
-        covariance: Tensor,
-        angle: Tensor,
-        keep: Tensor,
-        grows: Tensor,
-        measured: Tensor,
-        seen: Tensor,
-        variance: Tensor,
-        sample_time: Tensor,
-        verdict: Verdict | None = None,
-    ) -> tuple[PlainEstimate, Tensor, Tensor]:
-        """Return the estimate, and mean and covariance, one sample later.
+        mean: Tensor,  # (B, n + 1) after the sample before
+        covariance: Tensor,  # (B, n + 1, n + 1)
+        angle: Tensor,  # (B, n) of theta on c and d
+        keep: Tensor,  # (B, n) what is left of them
+        grows: Tensor,  # (B, n) what their variances grow by
+        measured: Tensor,  # (B,) measurement about the mean of the members [deg]
+        seen: Tensor,  # (B,) 1 where there is one
+        variance: Tensor,  # (B,) R [deg^2]
+        sample_time: Tensor,  # (B,) T [s]
+        verdict: Verdict | None = None,  # of the fallback, if it is asked
+    ) -> tuple[Tensor, ...]:
+        """Return mean and covariance one sample later, and (B,) values of the estimate.
 
-        Args:
-            mean: (B, n + 1) after the sample before.
-            covariance: (B, n + 1, n + 1).
-            angle: (B, n) of theta on c and d.
-            keep: (B, n) what is left of them.
-            grows: (B, n) what their variances grow by.
-            measured: (B,) measurement about the mean of the members [deg].
-            seen: (B,) 1 where there is one.
-            variance: (B,) R [deg^2].
-            sample_time: (B,) T [s].
-            verdict: of the fallback, if it is asked.
+        These are the angle about the mean of the members [deg], its variance [deg^2], what is left of the
+        measurement in units of sqrt(R), and the variance of its prediction in units of R.
         """
         angle, keep = angle @ self.widened, keep @ self.widened + self.of_bias
         grows = grows @ self.widened + BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
@@ -160,7 +142,7 @@ class PlainFilter(torch.nn.Module):
         bend = (angle * mean).sum(dim=1) - share * along(mean, self.of_bias)
         left = (angle * of_bend).sum(dim=1) - share * with_bend
         residual = (measured - (seen_as * mean).sum(dim=1)) / torch.sqrt(variance)
-        return PlainEstimate(bend, left, residual, doubt / variance), mean, covariance
+        return mean, covariance, bend, left, residual, doubt / variance
 
 
 SCALARS = 16  # that the policy sees next to the probabilities of the noise models
@@ -178,29 +160,17 @@ class Features(torch.nn.Module):
 
     def forward(
         self,
-        state: FilterState,
-        belief: NoiseBelief,
-        mean: Tensor,
-        doubt: Tensor,
-        of_error: Tensor,
-        innovation: Tensor,
-        way_mm: Tensor,
-        variance: Tensor,
-        sample_time: Tensor,
+        state: FilterState,  # after the sample before
+        belief: NoiseBelief,  # in the noise models
+        mean: Tensor,  # (B, n) of c and d, as predicted
+        doubt: Tensor,  # (B,) variance of the prediction [deg^2]
+        of_error: Tensor,  # (B,) that of d [deg^2]
+        innovation: Tensor,  # (B,) [deg]
+        way_mm: Tensor,  # (B,) since the last sample [mm]
+        variance: Tensor,  # (B,) R [deg^2]
+        sample_time: Tensor,  # (B,) T [s]
     ) -> Tensor:
-        """Return (B, J + SCALARS) what the policy sees; with gradients by the belief in the noise models.
-
-        Args:
-            state: after the sample before.
-            belief: in the noise models.
-            mean: (B, n) of c and d, as predicted.
-            doubt: (B,) variance of the prediction [deg^2].
-            of_error: (B,) that of d [deg^2].
-            innovation: (B,) [deg].
-            way_mm: (B,) since the last sample [mm].
-            variance: (B,) R [deg^2].
-            sample_time: (B,) T [s].
-        """
+        """Return (B, J + SCALARS) what the policy sees; with gradients by the belief in the noise models."""
         root = torch.sqrt(variance)
         average, product, square, _ = state.statistics.split(1, dim=1)
         coefficients = mean * self.motion.of_members
@@ -235,7 +205,11 @@ class Features(torch.nn.Module):
 
 
 def recent(state: FilterState, seen: Tensor, innovation: Tensor, doubt: Tensor) -> Tensor:
-    """Return the running statistics with one more innovation, in units of sqrt(R)."""
+    """Return the running statistics with one more innovation, in units of sqrt(R).
+
+    Running means of the innovation, of its product with the one before and of its normalised square, and the
+    last one.
+    """
     average, product, square, last = (of[:, 0] for of in state.statistics.split(1, dim=1))
     now = log_scale(innovation)
     weight = seen / (state.samples + 1).clamp(max=RECENT)
@@ -255,34 +229,21 @@ REACH = (5.0, 4.0, 3.0, 3.0)  # of the actions, in logarithms
 
 
 class TwinsStep(FilterStep):
-    """Active model on twins, noise classifier, policy and interval; see the module.
-
-    Attributes:
-        guarded: whether classifier and policy are disabled under strange noise; while it learns, both are on.
-        goes_along: whether the filter alone is computed too; while the policy learns, nothing asks for it.
-    """
+    """Active model on twins, noise classifier, policy and interval; see the module."""
 
     actions = ACTIONS
     slow = tuple(f"filter_bank.noise_models.{name}" for name in ("places", "weights", "widths", "effective"))
 
     def __init__(
         self,
-        directions: Tensor,
-        noise_models: int,
-        hidden: int = 96,
+        directions: Tensor,  # (M, r) orthonormal directions among the members
+        noise_models: int,  # J, of the noise
+        hidden: int = 96,  # units of each layer of the policy
         *,
-        policy_layers: int = 2,
-        with_error: bool = True,
+        policy_layers: int = 2,  # of the policy; 0 for one that is linear in what it sees
+        with_error: bool = True,  # whether there is a d, what no member does
     ):
-        """Start untrained, with a policy that does nothing.
-
-        Args:
-            directions: (M, r) orthonormal directions among the members.
-            noise_models: J, of the noise.
-            hidden: units of each layer of the policy.
-            policy_layers: of the policy; 0 for one that is linear in what it sees.
-            with_error: whether there is a d, what no member does.
-        """
+        """Start untrained, with a policy that does nothing."""
         super().__init__(noise_models + SCALARS)
         members, rank = directions.shape
         scaled = torch.cat([directions / math.sqrt(members - 1), torch.zeros(members, 1)], dim=1)
@@ -294,7 +255,7 @@ class TwinsStep(FilterStep):
         self.features = Features(self.motion)
         self.histogram = ResidualHistogram()
         self.ood_detector, self.fallback = OodDetector(noise_models), Fallback()
-        self.guarded, self.goes_along = False, True
+        self.guarded, self.goes_along = False, True  # strange noise disables; the filter alone runs too
         self.policy = network(noise_models + SCALARS, hidden, ACTIONS, policy_layers)
         with torch.no_grad():
             last_layer(self.policy).weight.mul_(0.1)
@@ -329,25 +290,15 @@ class TwinsStep(FilterStep):
 
     def predict(
         self,
-        members_deg: Tensor,
-        way_mm: Tensor,
-        measurement_deg: Tensor,
-        variance: Tensor,
-        sample_time: Tensor,
-        parts: Tensor,
-        state: FilterState,
+        members_deg: Tensor,  # (B, M) angle of the members now [deg]
+        way_mm: Tensor,  # (B,) that the tendon has gone since the last sample [mm]
+        measurement_deg: Tensor,  # (B,) NaN where there is none [deg]
+        variance: Tensor,  # (B,) R, as given [deg^2]
+        sample_time: Tensor,  # (B,) T [s]
+        parts: Tensor,  # (2,) 1 or 0: whether the policy and the noise classifier are on
+        state: FilterState,  # after the sample before
     ) -> Predicted:
-        """Return what is known before the policy acts.
-
-        Args:
-            members_deg: (B, M) angle of the members now [deg].
-            way_mm: (B,) that the tendon has gone since the last sample [mm].
-            measurement_deg: (B,) NaN where there is none [deg].
-            variance: (B,) R, as given [deg^2].
-            sample_time: (B,) T [s].
-            parts: (2,) 1 or 0: whether the policy and the noise classifier are on.
-            state: after the sample before.
-        """
+        """Return what is known before the policy acts."""
         policy_on, classifier_on = parts.split(1)
         middle = members_deg.mean(dim=1)
         angle = (members_deg - middle[:, None]) @ self.directions + self.motion.of_error
@@ -390,17 +341,12 @@ class TwinsStep(FilterStep):
         )
 
     def update(self, prior: Predicted, action: Tensor) -> tuple[Output, FilterState]:
-        """Return the estimates and the states after a sample.
-
-        Args:
-            prior: from `predict`.
-            action: (B, ACTIONS) of the policy, before it is bounded.
-        """
+        """Return estimates and states after a sample, by the action (B, ACTIONS) before it is bounded."""
         state, seen = prior.state, prior.seen
         actions = action * prior.policy_on
         on_gain, on_noise, on_error, on_members = (torch.tanh(actions) * self.reach).split(1, dim=1)
         of_error, of_members = prior.growth
-        filter_bank, of_bank = self.filter_bank.update(
+        offset, variance, belief, of_bank = self.filter_bank.update(
             prior.filter_bank,
             of_error * torch.exp(on_error) + of_members * torch.exp(on_members),
             prior.measured,
@@ -409,29 +355,26 @@ class TwinsStep(FilterStep):
             on_gain[:, 0],
             on_noise[:, 0],
         )
-        offset, variance = filter_bank.offset, filter_bank.variance
         mean, covariance, counts = state.mean, state.covariance, state.counts
         if self.goes_along:
             given = prior.filter_bank.angle, prior.keep, of_error + of_members, prior.measured, seen
-            alone, mean, covariance = self.plain(
+            mean, covariance, alone, of_alone, residual, doubt = self.plain(
                 mean, covariance, *given, prior.variance, prior.sample_time, prior.verdict
             )
-            counted = seen[:, None] * self.histogram(alone.residual, alone.doubt)
+            counted = seen[:, None] * self.histogram(residual, doubt)
             counts = counts * (1 - seen / HISTORY)[:, None] + counted
-            classifier_on, apart = prior.classifier_on, offset - alone.offset
-            offset = alone.offset + classifier_on * apart
+            classifier_on, apart = prior.classifier_on, offset - alone
+            offset = alone + classifier_on * apart
             variance = classifier_on * variance + (1 - classifier_on) * (
-                alone.variance + classifier_on * apart * apart
+                of_alone + classifier_on * apart * apart
             )
         statistics = recent(state, seen, prior.innovation, prior.doubt)
         after = FilterState(mean, covariance, counts, state.samples + seen, statistics, *of_bank)
 
         deviation = torch.sqrt(variance.clamp(min=LEAST_VARIANCE))
         half_width = deviation * self.widen(prior.features)
-        bend, belief = prior.middle + offset, filter_bank.belief
-        return Output(
-            bend, half_width, belief.bias, belief.bias_variance, actions, deviation, prior.features
-        ), after
+        bend, bias = prior.middle + offset, (belief.bias, belief.bias_variance)
+        return Output(bend, half_width, *bias, actions, deviation, prior.features), after
 
 
 def _of_bank(state: FilterState) -> FilterBankState:

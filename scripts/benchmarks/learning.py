@@ -37,6 +37,7 @@ from twin.estimation.estimator import Sensor
 from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned import ram_twins
 from twin.estimation.learned.methods import KALMAN_NET_TWINS, RECURSIVE_KALMAN_NET_TWINS
+from twin.estimation.learned.trained_file import read_trained_file
 from twin.identification.nominal import nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
@@ -93,7 +94,7 @@ def one_sample(preset: Preset, ranges: Ranges, amplitude: float) -> Result:
     """Measure one sample of RAM (twins) with its members, on one core; an untrained one takes as long."""
     with tempfile.TemporaryDirectory() as folder:
         path = _untrained_twins(preset, ranges, Path(folder))
-        estimator = ram_twins.load(path).with_sensor(Sensor(1.0))
+        estimator = ram_twins.load(read_trained_file(path)).with_sensor(Sensor(1.0))
     pull = sinusoid(amplitude, 8.0, 8)[:: round(T / SAMPLE_TIME), None] * 1e3
     measurement = np.random.default_rng(1).standard_normal((len(pull), 1))
     state = estimator.start(pull[0], measurement[0])

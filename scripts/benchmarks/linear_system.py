@@ -103,7 +103,7 @@ def learn_gains(step: FilterStep, source: LinearSource, updates: int, seed: int 
     settings = SimulatedTraining(
         noises=("gaussian",), episode=SAMPLES, window=50, updates=updates, sequences=128, seed=seed
     )
-    learn_gain(step, source, settings)
+    learn_gain(step, source.draw, settings)
 
 
 def learned_estimates(step: FilterStep, bodies: Bodies) -> tuple[Array, Array]:

@@ -27,6 +27,7 @@ from scripts.progress import Progress, TrainingProgress
 from twin.errors import InputError
 from twin.estimation.estimator import Estimator
 from twin.estimation.learned import ram_twins, step
+from twin.estimation.load import load_estimator
 from twin.estimation.registry import find_training
 from twin.evaluation.compare import Comparison, compare
 from twin.evaluation.method import Filtering, Method
@@ -193,10 +194,8 @@ def _runs(ablation: Ablation) -> list[TrainingRun]:
 
 def _method(ablation: Ablation, variant: Variant) -> Method:
     """Return the training runs of a variant as one row of a comparison."""
-    training, folder = find_training(variant.agent), ablation.folder_of(variant)
-    loaded: list[Estimator[Any]] = [
-        training.load(folder_of(folder, seed) / training.file) for seed in ablation.seeds
-    ]
+    name, folder = find_training(variant.agent).file, ablation.folder_of(variant)
+    loaded: list[Estimator[Any]] = [load_estimator(folder_of(folder, seed) / name) for seed in ablation.seeds]
     if variant.parts:
         loaded = [dataclasses.replace(each, parts=variant.parts) for each in loaded]  # type: ignore[type-var]
     first, *others = map(Filtering, loaded)

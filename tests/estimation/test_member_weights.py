@@ -14,9 +14,9 @@ from twin.estimation.learned.ram_twins import (
     STATE,
     MemberWeights,
     RamTwins,
-    load,
 )
 from twin.estimation.learned.step import ALL_PARTS, FILTER_ALONE, StepState
+from twin.estimation.load import load_estimator
 
 T = 0.1
 MEMBERS = 6
@@ -24,7 +24,7 @@ MEMBERS = 6
 
 @pytest.fixture(scope="module")
 def ram(twins_policy) -> RamTwins:
-    return load(twins_policy).with_sensor(Sensor(0.1))
+    return load_estimator(twins_policy).with_sensor(Sensor(0.1))
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scores import SCORE
 
-from twin.evaluation.score import Score, read_scores
+from twin.evaluation.score import Score, read_evaluation
 
 WHOLE = dataclasses.replace(
     SCORE,
@@ -43,9 +43,9 @@ def write(path, rows):
 
 
 def test_a_row_comes_back_from_its_file(tmp_path):
-    scores, protocol = read_scores(write(tmp_path / "evaluation.json", [WHOLE.to_dict()]))
+    scores, contents = read_evaluation(write(tmp_path / "evaluation.json", [WHOLE.to_dict()]))
     assert scores == [WHOLE]
-    assert protocol == {"suite": "paper"}
+    assert contents["protocol"] == {"suite": "paper"}
 
 
 @pytest.mark.parametrize("name", sorted(WHOLE.to_dict()))
@@ -53,10 +53,10 @@ def test_a_row_without_a_key_is_refused_by_its_name(name, tmp_path):
     row = {key: value for key, value in WHOLE.to_dict().items() if key != name}
     path = write(tmp_path / "evaluation.json", [WHOLE.to_dict(), row])
     if name in OPTIONAL:
-        assert len(read_scores(path)[0]) == 2
+        assert len(read_evaluation(path)[0]) == 2
         return
     with pytest.raises(ValueError, match=f"evaluation.json: row 1: a row has no {name}$"):
-        read_scores(path)
+        read_evaluation(path)
 
 
 @pytest.mark.parametrize("name", sorted(WHOLE.to_dict()))
@@ -76,7 +76,7 @@ def test_what_is_no_result_is_refused_in_one_line(content, tmp_path):
     path = tmp_path / "evaluation.json"
     path.write_text(content)
     with pytest.raises(ValueError, match="is not the results of an evaluation") as error:
-        read_scores(path)
+        read_evaluation(path)
     assert "\n" not in str(error.value)
 
 

@@ -19,7 +19,7 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.learned.reference import ESTIMATE
 from twin.estimation.load import load_estimator, model_of
 from twin.evaluation.results import load_runs, load_tracks
-from twin.evaluation.score import read_scores
+from twin.evaluation.score import read_evaluation
 from twin.files.dataset_json import read_contents
 from twin.hysteresis import PrandtlIshlinskii, load_model, model_to_dict
 from twin.preset.file import load_preset
@@ -84,7 +84,7 @@ READERS = {
     "coleman_hodgdon.json": (load_model, MODELS[0]),
     "bouc_wen.json": (load_model, MODELS[1]),
     "prandtl_ishlinskii.json": (load_model, MODELS[2]),
-    "evaluation.json": (read_scores, {"protocol": {"suite": "paper"}, "rows": [SCORE.to_dict()]}),
+    "evaluation.json": (read_evaluation, {"protocol": {"suite": "paper"}, "rows": [SCORE.to_dict()]}),
     "dataset.json": (lambda path: read_contents(path.parent), DATASET),
 }
 HEAD = '[{"noise": "n", "level": 1.0, "methods": []}]'

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from small_twins import MODEL, generator, small_memory_source, small_memory_step
 
 from rl.twins import memory_step as memory
-from rl.twins.filter_step import ALL, NOTHING
+from rl.twins.filter_step import ALL
 from rl.twins.learning import filter_sequences
 
 
@@ -44,7 +44,7 @@ def test_without_a_policy_it_is_the_kalman_filter():
     measurement[10:13, 1] = torch.nan
     sequences = sequences._replace(measurement_deg=measurement)
     with torch.no_grad():
-        states = [state for _, state in filter_sequences(step, sequences, NOTHING)]
+        states = [state for _, state in filter_sequences(step, sequences, 0 * ALL)]
     for run in range(5):
         mean, covariance = kalman_filter(
             *(of[:, run].numpy().astype(float) for of in sequences.inputs),
@@ -61,7 +61,7 @@ def test_without_a_policy_it_is_the_kalman_filter():
 def test_the_prediction_is_that_of_the_model():
     """Keep and drive along a command give the model's own response."""
     source = small_memory_source()
-    pull = source.records.pull_mm.astype(float)
+    pull = source.records[0].astype(float)
     index = np.arange(0, 41 * 5, 5)
     for command in range(len(pull)):
         keep, drive, _ = (

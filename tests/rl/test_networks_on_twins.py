@@ -12,6 +12,7 @@ from rl.on_twins import RIVALS
 from rl.twins.filter_step import ALL
 from rl.twins.graph import export_with_model
 from rl.twins.learning import filter_sequences, learn_gain
+from twin.estimation.load import load_estimator
 from twin.hysteresis import model_to_dict
 
 
@@ -30,7 +31,7 @@ def test_the_estimator_says_what_the_step_says(name, tmp_path):
     training, step = RIVALS[name].spec.training, loud_step(name)
     path = tmp_path / training.file
     export_with_model(step, {"agent": training.agent, "model": model_to_dict(MODEL)}, path)
-    for found, wanted in said_by_both(step, training.load(path)):
+    for found, wanted in said_by_both(step, load_estimator(path)):
         np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=5e-3)
 
 
@@ -49,5 +50,5 @@ def test_likelihood_teaches_a_variance_that_is_that_of_the_errors():
         return float(((error / deviation)[10:] ** 2).mean())
 
     before = ratio()
-    learn_gain(step, source, settings)
+    learn_gain(step, source.draw, settings)
     assert abs(np.log(ratio())) < min(abs(np.log(before)), np.log(2.5))

@@ -11,11 +11,9 @@ from rl.on_twins import train_ram_memory
 from rl.twins.graph import export_with_model
 from rl.twins.run import nominal_model
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.methods import RAM_MEMORY
 from twin.estimation.learned.trained_file import read_trained_file
+from twin.estimation.load import load_estimator
 from twin.hysteresis import ColemanHodgdon, model_to_dict
-
-load = RAM_MEMORY.training.load
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +31,7 @@ def exported(path, loud=1.0):
 def test_the_estimator_says_what_the_step_says(tmp_path):
     """Along whole records, for any number of them, where measurements are missing too."""
     step = exported(tmp_path / "policy.onnx")
-    for found, wanted in said_by_both(step, load(tmp_path / "policy.onnx")):
+    for found, wanted in said_by_both(step, load_estimator(tmp_path / "policy.onnx")):
         np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=5e-3)
 
 
@@ -41,7 +39,7 @@ def test_a_training_writes_what_it_was_and_a_finished_one_stays(trained):
     description = read_trained_file(trained).description
     assert description["training"]["seed"] == TINY_MEMORY.seed
     assert description["model"]["model"] == ColemanHodgdon.name
-    assert load(trained).model == nominal_model(twins()[0], TINY_MEMORY.seed)
+    assert load_estimator(trained).model == nominal_model(twins()[0], TINY_MEMORY.seed)
     before = trained.stat().st_mtime_ns
     train_ram_memory(*twins(), TINY_MEMORY, trained.parent)
     assert trained.stat().st_mtime_ns == before
@@ -51,7 +49,7 @@ def test_a_training_writes_what_it_was_and_a_finished_one_stays(trained):
 
 def test_a_stream_that_restarts_keeps_what_it_knows_of_the_noise(tmp_path):
     exported(tmp_path / "policy.onnx")
-    estimator = load(tmp_path / "policy.onnx").with_sensor(Sensor(1.0))
+    estimator = load_estimator(tmp_path / "policy.onnx").with_sensor(Sensor(1.0))
     state = estimator.start(np.zeros(2), np.zeros(2))
     for k in range(20):
         state = estimator.step(state, np.full(2, k + 1) * 0.1, np.full(2, k) * 0.1, np.full(2, 2.0 * k))

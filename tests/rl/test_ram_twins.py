@@ -33,9 +33,10 @@ from rl.twins.members import choose_members
 from rl.twins.noises import FAMILIES, LINEAR, count_noise_models, draw_noises
 from rl.twins.records import SAMPLE_TIME
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.ram_twins import STATE, load
+from twin.estimation.learned.ram_twins import STATE
 from twin.estimation.learned.step import ALL_PARTS, FILTER_ALONE
 from twin.estimation.learned.trained_file import read_trained_file
+from twin.estimation.load import load_estimator
 from twin.reduced import simulate
 from twin.reduced.members import members_to_dict
 
@@ -61,11 +62,11 @@ def test_the_graph_that_is_deployed_is_the_step_that_was_trained(tmp_path):
 
 
 def test_members_and_estimated_twins_are_those_of_the_reduced_twin():
-    records, members = small_records(), small_members()
-    record = simulate(members.presets[0], records.pull_mm[2].astype(float) * 1e-3, SAMPLE_TIME)
-    np.testing.assert_allclose(record.truth_deg, records.members_deg[2, 0], atol=2e-3)
-    assert np.abs(records.pull_mm).max() <= 4
-    assert (np.ptp(records.truth_deg, axis=1) > 0).any(axis=1).all()
+    pull_mm, members_deg, truth_deg = small_records()
+    record = simulate(small_members().presets[0], pull_mm[2].astype(float) * 1e-3, SAMPLE_TIME)
+    np.testing.assert_allclose(record.truth_deg, members_deg[2, 0], atol=2e-3)
+    assert np.abs(pull_mm).max() <= 4
+    assert (np.ptp(truth_deg, axis=1) > 0).any(axis=1).all()
 
 
 @pytest.mark.parametrize("family", sorted(FAMILIES))
@@ -125,7 +126,9 @@ def test_a_stream_that_restarts_goes_on_from_the_angle_that_it_is_given(tmp_path
     """Whatever is heard: d of every filter takes what the estimate is off by."""
     description = {"agent": "ram-twins", "members": members_to_dict(small_members())}
     export_twins(small_step(), TINY.members, description, tmp_path / "policy.onnx")
-    estimator = dataclasses.replace(load(tmp_path / "policy.onnx"), parts=parts).with_sensor(Sensor(1.0))
+    estimator = dataclasses.replace(load_estimator(tmp_path / "policy.onnx"), parts=parts).with_sensor(
+        Sensor(1.0)
+    )
     pull, unseen = np.array([0.5, 0.5]), np.full(2, np.nan)
     state = estimator.start(pull, np.zeros(2))
     for measured in (3.0, 4.0, 3.5):
@@ -143,7 +146,7 @@ def test_the_document_runs_the_file_in_plain_onnx_runtime(trained, tmp_path):
     (tmp_path / "runs/ram_twins/policy.onnx").write_bytes(trained[0].read_bytes())
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr[-1000:]
-    estimator = load(trained[0]).with_sensor(Sensor(1.0))
+    estimator = load_estimator(trained[0]).with_sensor(Sensor(1.0))
     pull, measurement = np.array([0.0, 0.1, 0.2, 0.3]), np.array([0.0, 2.9, np.nan, 5.8])
     bend, half_width = estimator.estimate_with_interval(pull, measurement, 0.0)
     said = [
@@ -198,7 +201,8 @@ def test_the_same_seed_trains_the_same_step(trained, tmp_path):
     drawn = small_source().draw(3, 25, generator(4))
     pull = np.cumsum(drawn.inputs[1].numpy(), axis=0).T.astype(float)
     estimates = [
-        load(path).estimate(pull, drawn.measurement_deg.numpy().T, 0.0) for path in (trained[0], again)
+        load_estimator(path).estimate(pull, drawn.measurement_deg.numpy().T, 0.0)
+        for path in (trained[0], again)
     ]
     np.testing.assert_allclose(*estimates, atol=1e-4)
 
@@ -208,9 +212,9 @@ def test_a_checkpoint_of_other_members_is_not_taken_up(tmp_path, monkeypatch):
     settings = shorter(updates=4)
 
     def simulate_records(preset, ranges, members, **named):
-        records = small_records()
+        pull_mm, members_deg, truth_deg = small_records()
         still = members is still_members()
-        return records._replace(members_deg=records.members_deg[:, ::-1]) if still else records
+        return pull_mm, members_deg[:, ::-1] if still else members_deg, truth_deg
 
     monkeypatch.setattr(rl.twins.run, "simulate_records", simulate_records)
 

@@ -6,6 +6,7 @@ import torch
 from models import COLEMAN_HODGDON
 from torch_network import as_estimator
 
+from rl.export import export_step
 from rl.recurrent import GruStep, LstmStep, SequenceNetwork, train_gru, train_lstm
 from rl.supervised import SequenceTraining
 from twin.estimation.active_model import ActiveModel
@@ -88,7 +89,8 @@ def test_the_exported_graph_is_the_step(trained, stacked, agent, tmp_path):
     kind, step = {"lstm": (torch.nn.LSTM, LstmStep), "gru": (torch.nn.GRU, GruStep)}[agent]
     made = step(SequenceNetwork(kind, 6))
     path = tmp_path / "network.onnx"
-    made.export({"agent": agent, "active_model": ActiveModel(COLEMAN_HODGDON, 0.1).to_dict()}, path)
+    contents = {"agent": agent, "active_model": ActiveModel(COLEMAN_HODGDON, 0.1).to_dict()}
+    export_step(made, dict.fromkeys(made.inputs, ()), made.state, contents, path)
     pull, _, measurement = stacked
     holed = measurement.copy()
     holed[1, 1:4], holed[2, 60:70] = np.nan, np.nan

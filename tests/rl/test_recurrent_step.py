@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from small_twins import generator, small_memory_source
 
 from rl.on_twins import RIVALS
-from rl.twins.filter_step import ALL, NOTHING
+from rl.twins.filter_step import ALL
 from rl.twins.learning import filter_sequences
 from rl.twins.recurrent_step import (
     GatedUnit,
@@ -103,7 +103,7 @@ def test_a_recursive_gain_can_be_the_kalman_gain_and_its_variance_then_is_the_le
 def test_the_first_measurement_is_the_first_estimate_and_silence_changes_no_network(name):
     torch.manual_seed(0)
     step, sequences = RIVALS[name].untrained().eval(), drawn()
-    outputs = run(step, sequences, NOTHING)
+    outputs = run(step, sequences, 0 * ALL)
     np.testing.assert_allclose(outputs[0][0].bend_deg, sequences.measurement_deg[0], atol=1e-4)
     _, before = outputs[9]
     _, after = outputs[12]

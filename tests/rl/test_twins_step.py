@@ -6,7 +6,7 @@ from small_twins import drawn, small_step
 
 from rl.twins import filter_step as motion
 from rl.twins import step as plain
-from rl.twins.filter_step import ALL, NOTHING
+from rl.twins.filter_step import ALL
 from rl.twins.learning import filter_sequences
 
 
@@ -41,7 +41,7 @@ def test_without_a_policy_it_is_the_kalman_filter():
     measurement[10:13, 1] = torch.nan
     sequences = sequences._replace(measurement_deg=measurement)
     with torch.no_grad():
-        states = [state for _, state in filter_sequences(step, sequences, NOTHING)]
+        states = [state for _, state in filter_sequences(step, sequences, 0 * ALL)]
     directions = step.directions.numpy().astype(float)[:, :-1] * np.sqrt(len(step.directions) - 1)
     for run in range(5):
         mean, covariance = kalman_filter(

@@ -11,7 +11,7 @@ from rl.twins.records import SAMPLE_TIME, STRIDES, simulate_records
 from rl.twins.settings import TwinsTraining
 from twin.estimation.estimator import Sensor
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.learned.ram_twins import load
+from twin.estimation.load import load_estimator
 from twin.estimation.registry import find_method, needed_fits
 from twin.hysteresis import ColemanHodgdon
 from twin.identification import identify
@@ -55,11 +55,11 @@ def records():
     """Nominal and randomised twins along commands of every kind: pull [mm] and bend [deg], thinned to T."""
     preset, ranges = twins()
     drawn = draw_members(preset, ranges, 4, OTHER_SEED).presets
-    simulated = simulate_records(
+    pulls, members, _ = simulate_records(
         preset, ranges, MemberSet.still([preset, *drawn]), commands=10, twins=1, seconds=60.0, seed=OTHER_SEED
     )
-    pull = np.repeat(simulated.pull_mm, 5, axis=0)[:, :: STRIDES[0]].astype(float)
-    bend = simulated.members_deg.reshape(-1, simulated.pull_mm.shape[1])[:, :: STRIDES[0]].astype(float)
+    pull = np.repeat(pulls, 5, axis=0)[:, :: STRIDES[0]].astype(float)
+    bend = members.reshape(-1, pulls.shape[1])[:, :: STRIDES[0]].astype(float)
     return pull, bend
 
 
@@ -67,12 +67,12 @@ def records():
 def tuned():
     """The tuned filter, on the paper's kind of training records of the preset."""
     preset, ranges = twins()
-    simulated = simulate_records(
+    pulls, members, _ = simulate_records(
         preset, ranges, MemberSet.still([preset]), commands=5, twins=1, seconds=60.0, seed=SEED
     )
     known = [
         (pull[:: STRIDES[0]].astype(float), bend[0, :: STRIDES[0]].astype(float))
-        for pull, bend in zip(simulated.pull_mm, simulated.members_deg, strict=True)
+        for pull, bend in zip(pulls, members, strict=True)
     ]
     model, _ = identify(known, SEED)
     spec = find_method("AM-tuned (Q, R)")
@@ -85,7 +85,7 @@ def tuned():
 def trained(tmp_path_factory):
     """Half of a full training."""
     settings = TwinsTraining().scaled(TrainingOptions(episodes=EPISODES // 2, seed=SEED))
-    return load(train_ram_twins(*twins(), settings, tmp_path_factory.mktemp("ram_twins")))
+    return load_estimator(train_ram_twins(*twins(), settings, tmp_path_factory.mktemp("ram_twins")))
 
 
 @pytest.mark.slow

@@ -72,7 +72,7 @@ def said_by_both(step: FilterStep, estimator: LearnedStep) -> Iterator[tuple[np.
     source = small_memory_source()
     for count in (1, 4):
         command, index = np.arange(count), np.arange(0, 31 * 5, 5)[:, None]
-        pull = source.records.pull_mm[command, index].astype(float)
+        pull = source.records[0][command, index].astype(float)
         measurement = pull * 20 + generator(count).standard_normal(pull.shape)
         measurement[8:10, 0] = np.nan
         variance = np.linspace(0.3, 2.0, count)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from rl.twins.memory_step import MemoryStep
 from rl.twins.noises import STANDARD, count_noise_models
-from rl.twins.records import SequenceSource, TwinRecords, by_model, principal_directions, simulate_records
+from rl.twins.records import SequenceSource, TwinArrays, by_model, principal_directions, simulate_records
 from rl.twins.settings import NetworkTraining, SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.hysteresis import ColemanHodgdon
@@ -64,7 +64,7 @@ def small_members() -> MemberSet:
 
 
 @functools.cache
-def small_records() -> TwinRecords:
+def small_records() -> TwinArrays:
     """Records of a few commands by the reduced twin."""
     preset, ranges = twins()
     return simulate_records(preset, ranges, small_members(), commands=6, twins=2, seconds=20.0, seed=1)
@@ -81,7 +81,7 @@ def drawn(count=5, samples=30, seed=3, noises=("gaussian", "poisson")):
 def small_step(seed=0, rank=TINY.rank, loud=0.0) -> TwinsStep:
     """An untrained step; `loud` is the spread of the weights of its policy's last layer."""
     torch.manual_seed(seed)
-    step = TwinsStep(principal_directions(small_records().members_deg, rank), LAWS, 64)
+    step = TwinsStep(principal_directions(small_records()[1], rank), LAWS, 64)
     with torch.no_grad():
         step.policy[-1].weight.normal_(0, loud)
     return step.eval()

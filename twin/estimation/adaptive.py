@@ -33,12 +33,10 @@ class RobustActiveModel(ActiveModel):
 
     where rho(z) is z^2 / 2 up to the threshold k and rises linearly beyond it. The prediction stays Gaussian:
     errors of the first angle or of the model make measurements look like outliers too.
-
-    Attributes:
-        threshold: k: standard deviations sqrt(R) that the residual after the update may have at full weight;
-            infinite: the active model.
     """
 
+    # k: standard deviations sqrt(R) that the residual after the update may have at full weight; infinite: the
+    # active model
     threshold: float = HUBER_THRESHOLD
 
     def update(self, belief: Belief, measurement_deg: Array) -> Belief:
@@ -86,17 +84,11 @@ class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
 
     where theta and P_theta are those after an update with this very R: a fixed point, found by iteration.
     What the filter cannot explain, an error of its model too, counts as noise of the sensor.
-
-    Attributes:
-        active_model: the filter; its R, or that of the sensor, is the first guess.
-        forgetting: rho: share of the evidence that is kept after a measurement; about 1 / (1 - rho) of them.
-        first_shape: alpha at the first sample: the first guess weighs as 2 alpha measurements; 0.98 settles
-            at 25.
     """
 
-    active_model: ActiveModel
-    forgetting: float = 0.98
-    first_shape: float = 25.0
+    active_model: ActiveModel  # the filter; its R, or that of the sensor, is the first guess
+    forgetting: float = 0.98  # rho: share of evidence kept after a measurement, of 1 / (1 - rho) of them
+    first_shape: float = 25.0  # alpha at first: the guess weighs as 2 alpha measurements; 0.98 settles at 25
 
     def __post_init__(self) -> None:
         if not 0 < self.forgetting <= 1:
@@ -150,14 +142,10 @@ class BiasedActiveModel(ActiveModel):
     The state is X = [theta, f, bias]. A measurement sees the sum of angle and bias alone; the model pins the
     absolute angle: Coleman and Hodgdon's draws theta towards b l wherever the tendon moves. An error in the
     model's level therefore counts as a bias, and so does a wrong first angle that `initial_variance` trusts.
-
-    Attributes:
-        bias_variance: of the bias at the first sample, where zero is expected [deg^2].
-        bias_process_variance: of its random walk, per sample; 1e-6 is 0.02 deg in a minute at 0.1 s, zero a
-            constant [deg^2].
     """
 
-    bias_variance: float = 1.0
+    bias_variance: float = 1.0  # of the bias at the first sample, where zero is expected [deg^2]
+    # of its random walk, per sample; 1e-6 is 0.02 deg in a minute at 0.1 s, zero a constant [deg^2]
     bias_process_variance: float = 1e-6
 
     def start(self, pull_mm: Array, bend_deg: Array) -> Belief:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import TrainingTask, stack_records
+from twin.estimation.learned.step import affine_steps
 from twin.estimation.learned.trained_file import TrainedFile
 from twin.estimation.two_states import predicted, updated
 from twin.files.shown import shown
@@ -153,25 +154,19 @@ def log_likelihoods(
     `variances` (C, 4) are the diagonals of Q and of the first P of a filter on Coleman and Hodgdon's model,
     pulls [mm] and measurements [deg] are (E, N) without gaps, initial estimates (E,) [deg].
     """
-    model = active_model.model
-    assert isinstance(model, ColemanHodgdon)
     T, variance = active_model.sample_time, float(np.asarray(active_model.measurement_variance))
-    increment = np.diff(pull_mm, axis=1)
-    forget = np.asarray(model.a_per_mm) * np.abs(increment)
-    drive = (
-        forget * np.asarray(model.b_deg_per_mm) * pull_mm[:, 1:] + np.asarray(model.c_deg_per_mm) * increment
-    )
+    keeps, drives = affine_steps(active_model.model, pull_mm)
     q_bend, q_error, p, q = (column[:, None] for column in variances.T)
     shape = (len(variances), len(pull_mm))
     p, r, q = np.broadcast_to(p, shape), np.zeros(shape), np.broadcast_to(q, shape)
     bend, error = np.broadcast_to(initial_bend_deg, shape), np.zeros(shape)
     total = np.zeros(shape)
-    for k in range(increment.shape[1]):
-        keep = 1 - forget[:, k]
-        bend = keep * bend + drive[:, k] + T * error
+    for k in range(1, pull_mm.shape[1]):
+        keep = keeps[:, k]
+        bend = keep * bend + drives[:, k] + T * error
         p, r, q = predicted(p, r, q, keep, T, (q_bend, q_error))
         of_bend, of_error, p, r, q, expected = updated(p, r, q, variance)
-        innovation = measurement_deg[:, k + 1] - bend
+        innovation = measurement_deg[:, k] - bend
         total -= 0.5 * (innovation**2 / expected + np.log(2 * np.pi * expected))
         bend, error = bend + of_bend * innovation, error + of_error * innovation
     likelihood: Array = total.sum(axis=1)

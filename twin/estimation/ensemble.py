@@ -60,18 +60,13 @@ class EnsembleFilter(Estimator[EnsembleState]):
     Where the density of the noise is known, c moves by the score of the innovation, as by Masreliez (1975),
     if its belief is narrow, and by the best linear update of that noise if it is not. Its covariance shrinks
     by the mean slope of the score, not by the slope at the innovation: so all filters of one noise share it.
-
-    Attributes:
-        members_deg: (M, N) angle of each member at each sample of the command [deg].
-        measurement_variance: R [deg^2].
-        density: density of the noise; if unknown, normal, of mean zero and variance R.
-        bias_deviations: standard deviation of the mean of the noise, which is then one more coefficient, in
-            units of sqrt(R); 0 where it is known to be zero.
     """
 
-    members_deg: Array
-    measurement_variance: float = 0.1
-    density: "NoiseDensity | None" = None
+    members_deg: Array  # (M, N) angle of each member at each sample of the command [deg]
+    measurement_variance: float = 0.1  # R [deg^2]
+    density: "NoiseDensity | None" = None  # of the noise; if unknown, normal, of mean zero and variance R
+    # standard deviation of the mean of the noise, which is then one more coefficient, in units of sqrt(R); 0
+    # where it is known to be zero
     bias_deviations: float = 0.0
 
     def with_sensor(self, sensor: Sensor) -> Self:
@@ -216,14 +211,11 @@ class ParticleFilter(Estimator[ParticleState]):
     filters of one noise keep the same places about their filter's mean. Where an innovation moves the belief
     by the score of a density, the score is taken at the mean of the mixture, and is linear about it. Kernels
     as wide as the ensemble give the linear filter.
-
-    Attributes:
-        ensemble: members, and what is known of the noise.
-        bandwidth: h, width of a kernel as a share of that of the ensemble, from 0 to 1; None for that which
-            suits the density of the noise.
     """
 
-    ensemble: EnsembleFilter
+    ensemble: EnsembleFilter  # members, and what is known of the noise
+    # h, width of a kernel as a share of that of the ensemble, from 0 to 1; None for that which suits the
+    # density of the noise
     bandwidth: float | None = None
 
     def with_sensor(self, sensor: Sensor) -> Self:
@@ -301,12 +293,9 @@ class FamilyFilter(Estimator[FamilyState]):
     The limit knows the density of the noise, which no device does. Here R and a list of families are known.
     Each family has a filter of the density that it would have with that R, and is weighed by the marginal
     likelihood of all measurements. Estimate and variance are those of the mixture.
-
-    Attributes:
-        filters: of the families, of the same members, equally likely before anything is measured.
     """
 
-    filters: tuple[ParticleFilter, ...]
+    filters: tuple[ParticleFilter, ...]  # of the same members, equally likely at the start
 
     def start(self, pull_mm: Array, bend_deg: Array) -> FamilyState:
         """Return the state at the first sample; the initial estimate is not used."""
@@ -373,17 +362,12 @@ def _families(members_deg: Array, variance: float, noise: Noise) -> FamilyFilter
 
 @dataclasses.dataclass(frozen=True)
 class Ensembles:
-    """Ensembles along the commands of a test, as one function of a case.
+    """Ensembles along the commands of a test, as one function of a case."""
 
-    Attributes:
-        paths: files of ensembles, one for each command.
-        sample_time: T of the cases, a multiple of that of the files [s].
-        build: returns the filter of members, R and the noise, of which it uses what it may know; the limit's
-            by default.
-    """
-
-    paths: tuple[Path, ...]
-    sample_time: float
+    paths: tuple[Path, ...]  # files of ensembles, one for each command
+    sample_time: float  # T of the cases, a multiple of that of the files [s]
+    # returns the filter of members, R and the noise, of which it uses what it may know; the limit's by
+    # default
     build: Build = _known_density
 
     def __call__(self, case: Case) -> Array:

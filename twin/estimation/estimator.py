@@ -6,6 +6,7 @@ estimator predicts and does not update. A pull that is NaN is taken to stand whe
 
 import abc
 import dataclasses
+from collections.abc import Callable
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from twin.estimation.soundness import is_sound
 
 Array = NDArray[np.float64]
 State = TypeVar("State")
+_PROGRESS_SAMPLES = 10
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,15 +87,13 @@ class Estimator(abc.ABC, Generic[State]):
         return self.estimate_with_interval(pull_mm, measurement_deg, initial_bend_deg)[0]
 
     def estimate_with_interval(
-        self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike
+        self,
+        pull_mm: Array,  # (N,) or (B, N) pulling distance [mm]
+        measurement_deg: Array,  # (N,) or (B, N) measured angle [deg]; the first sample is not used
+        initial_bend_deg: ArrayLike,  # scalar or (B,) initial estimate [deg]
+        on_progress: Callable[[int, int], None] | None = None,  # called now and then with samples and all
     ) -> tuple[Array, Array | None]:
-        """Filter whole records: (B, N) angles and half of their 95 % intervals [deg], or None for that.
-
-        Args:
-            pull_mm: (N,) or (B, N) pulling distance [mm].
-            measurement_deg: (N,) or (B, N) measured angle [deg]; the first sample is not used.
-            initial_bend_deg: scalar or (B,) initial estimate [deg].
-        """
+        """Filter whole records: (B, N) angles and half of their 95 % intervals [deg], or None for that."""
         pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
         form: Any = self.single() if measurement.shape[1] == 1 else self
         pulls: Any = pull
@@ -114,6 +114,8 @@ class Estimator(abc.ABC, Generic[State]):
             bend[k] = form.bend_deg(state)
             if half_width is not None:
                 half_width[k] = form.half_width_deg(state)
+            if on_progress and (k % _PROGRESS_SAMPLES == 0 or k == len(measurement) - 1):
+                on_progress(k, len(measurement) - 1)
         return bend.T, None if half_width is None else half_width.T
 
 

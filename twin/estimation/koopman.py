@@ -42,22 +42,16 @@ RIDGES = (1e-8, 1e-6, 1e-4)  # as a fraction of the features' mean square
 
 @dataclasses.dataclass(frozen=True)
 class KoopmanFilter(GaussianFilter):
-    """The Kalman filter of a lifted model whose first state is the angle and whose others are its past.
+    """The Kalman filter of a lifted model whose first state is the angle and whose others are its past."""
 
-    Attributes:
-        gates: (2 or 3, d + 1) rows e_0 + g_0, g_1 [1 / mm] and, where not symmetric, g_2 [1 / mm].
-        drives: (2 or 4, d + 1) rows h by feature [deg / mm, deg / mm^2, ...], columns by delay i.
-        process_variance: Q of the newest angle per sample; from a fit, its residual variance, until it is
-            tuned [deg^2].
-        measurement_variance: R [deg^2], one for all filters or (B,).
-        initial_variance: of the first angle: that of an even draw within 20 deg; the past angles are the same
-            one [deg^2].
-    """
-
+    # (2 or 3, d + 1) rows e_0 + g_0, g_1 [1 / mm] and, where not symmetric, g_2 [1 / mm]
     gates: Array
+    # (2 or 4, d + 1) rows h by feature [deg / mm, deg / mm^2, ...], columns by delay i
     drives: Array
+    # Q of the newest angle per sample; from a fit, its residual variance, until it is tuned [deg^2]
     process_variance: float
-    measurement_variance: ArrayLike = 0.1
+    measurement_variance: ArrayLike = 0.1  # R [deg^2], one for all filters or (B,)
+    # of the first angle: that of an even draw within 20 deg; the past angles are the same one [deg^2]
     initial_variance: float = 400 / 3
 
     @property

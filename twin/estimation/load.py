@@ -6,15 +6,15 @@ from typing import Any
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator
-from twin.estimation.learned.trained_file import read_trained_file
+from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.registry import find_training
 from twin.hysteresis import HysteresisModel
 
 SAME_S = 1e-9  # by which two sample times may differ
 
 
-def load_estimator(path: str | Path) -> Estimator[Any]:
-    """Read a trained estimator of any kind: a policy, a network, a learned gain.
+def load_estimator(path: str | Path | TrainedFile) -> Estimator[Any]:
+    """Return a trained estimator of any kind, from its file: a policy, a network, a learned gain.
 
     The estimator knows the model and the sample time that it was trained with (`estimator.sample_time`); one
     that was trained on twins runs at any, by `estimator.at(sample_time)`, and at 0.1 s without. `with_sensor`
@@ -24,18 +24,17 @@ def load_estimator(path: str | Path) -> Estimator[Any]:
         FileNotFoundError: there is no such file.
         ValueError: it is damaged, or not a file that training wrote.
     """
-    path = Path(path)
-    agent = read_trained_file(path).agent
+    file = path if isinstance(path, TrainedFile) else read_trained_file(Path(path))
     try:
-        training = find_training(agent)
+        training = find_training(file.agent)
     except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
-    return training.load(path)
+        raise InputError(f"{file.path}: {error}") from None
+    return training.load(file)
 
 
-def load_estimator_at(path: Path, sample_time: float | None) -> tuple[Any, float]:
+def load_estimator_at(file: TrainedFile, sample_time: float | None) -> tuple[Any, float]:
     """Return a trained estimator at a sample time, that of its training if not given, and that time [s]."""
-    estimator: Any = load_estimator(path)
+    estimator: Any = load_estimator(file)
     trained = float(estimator.sample_time)
     if sample_time is None or abs(sample_time - trained) < SAME_S:
         return estimator, trained

@@ -23,6 +23,7 @@ from twin.estimation.methods import Style as Style
 if TYPE_CHECKING:
     from twin.estimation.estimator import Estimator
     from twin.estimation.knowledge import CaseEstimator, Knowledge, TrainingFit
+    from twin.estimation.learned.trained_file import TrainedFile
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Training:
 
     agent: str  # word of `endotwin train --agent`
     file: str  # name of the trained file in a run folder
-    load: "Callable[[Path], Estimator[Any]]"  # reads such a file
+    load: "Callable[[TrainedFile], Estimator[Any]]"  # returns the estimator of such a file
     purpose: str  # a few words for the help of the command line
     same_filter: bool = False  # whether it runs with the very filter that it was trained with, and no other
     on_twins: bool = False  # trained on simulated twins of a preset, without records, for any T

@@ -188,20 +188,13 @@ class SetMembershipFilter(Estimator[FeasibleSet]):
 
     The model must be affine in the angle, or keep the order of two angles and never move them apart
     (0 <= slope <= 1), as the model of Bouc and Wen does.
-
-    Attributes:
-        model: the reference model.
-        sample_time: T [s].
-        error_bound: bounds on the model's error; `bound_model_error` finds them on training records.
-        measurement_bound: largest magnitude of the measurement noise, scalar or (B,) [deg].
-        initial_bound_deg: largest error of the first estimate [deg].
     """
 
-    model: HysteresisModel
-    sample_time: float
-    error_bound: ErrorBound
-    measurement_bound: ArrayLike = 3 * np.sqrt(0.1)
-    initial_bound_deg: float = 20.0
+    model: HysteresisModel  # the reference model
+    sample_time: float  # T [s]
+    error_bound: ErrorBound  # bounds on the model's error; `bound_model_error` finds them on training records
+    measurement_bound: ArrayLike = 3 * np.sqrt(0.1)  # largest magnitude of the noise, scalar or (B,) [deg]
+    initial_bound_deg: float = 20.0  # largest error of the first estimate [deg]
 
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the noise's largest magnitude; if it has none, 3 deviations."""

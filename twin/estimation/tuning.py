@@ -200,12 +200,9 @@ class ConstantGain(ActiveModel):
         phi = y - theta_AM(k|k),    X = X_AM + K phi
 
     The covariance is left as it is.
-
-    Attributes:
-        gain: K: of the angle, and of the model's error [1 / s]; zero: the active model.
     """
 
-    gain: tuple[float, float] = (0.0, 0.0)
+    gain: tuple[float, float] = (0.0, 0.0)  # K of the angle, and of the error [1 / s]; zero: the active model
 
     @property
     def states_interval(self) -> bool:

@@ -193,28 +193,18 @@ def build_method(spec: MethodSpec, knowledge: Knowledge) -> Method:
 
 
 def with_innovations(
-    estimator: Estimator[Any],
-    pull_mm: Array,
-    measurement_deg: Array,
-    initial_bend_deg: Array,
-    variance: Array,
-    samples: range | None = None,
+    estimator: Estimator[Any],  # that states intervals, and knows its sensor already
+    pull_mm: Array,  # (N, B) pulling distance [mm]
+    measurement_deg: Array,  # (N, B) measured angle [deg]
+    initial_bend_deg: Array,  # (B,) initial estimate [deg]
+    variance: Array,  # (B,) R of the sensor [deg^2]
+    samples: range | None = None,  # S, of which innovations are found, each by a further step
 ) -> tuple[Array, Array, Array]:
     """Filter records, and square innovations over their stated variance (Bar-Shalom et al. 2001).
 
     Their mean is 1 where prediction and sensor are as stated (NIS). The prediction is the estimate of a step
-    without a measurement, with an interval of its own.
-
-    Args:
-        estimator: that states intervals, and knows its sensor already.
-        pull_mm: (N, B) pulling distance [mm].
-        measurement_deg: (N, B) measured angle [deg].
-        initial_bend_deg: (B,) initial estimate [deg].
-        variance: (B,) R of the sensor [deg^2].
-        samples: S at which innovations are found, each by a further step; from 1 on, all if not given.
-
-    Returns:
-        (N, B) angles and half of their 95 % intervals [deg], and (S, B) squares, NaN without measurement.
+    without a measurement, with an interval of its own. Returns (N, B) angles and half of their 95 % intervals
+    [deg], and (S, B) squares, NaN without measurement.
     """
     samples = range(1, len(pull_mm)) if samples is None else samples
     state = estimator.start(pull_mm[0], initial_bend_deg)

@@ -30,41 +30,28 @@ Name = Annotated[str, Field(max_length=LONGEST_TEXT)]
 
 @dataclasses.dataclass(frozen=True)
 class MethodRank:
-    """Place of a method among all on one group of records; intervals are of 95 %.
+    """Place of a method among all on one group of records; intervals are of 95 %."""
 
-    Attributes:
-        method: name in the tables.
-        rmse_deg: geometric mean over noises of its RMSE [deg].
-        rmse_ci95_deg: interval of that [deg]; None where there is but one run.
-        rank: 1 for the least error; None for what others are measured against: oracles and ensembles.
-        rank_ci95: interval of the rank.
-        to_best_ci95: interval of its error in units of that of the first: above 1, the first is better.
-        noise_to_best_ci95: the same under each noise alone, in units of the first under that noise.
-    """
-
-    method: Name
-    rmse_deg: Positive
-    rmse_ci95_deg: tuple[Positive, Positive] | None
-    rank: Place | None
-    rank_ci95: tuple[Place, Place] | None
+    method: Name  # name in the tables
+    rmse_deg: Positive  # geometric mean over noises of its RMSE [deg]
+    rmse_ci95_deg: tuple[Positive, Positive] | None  # interval of that [deg]; None where there is but one run
+    rank: Place | None  # 1 for the least error; None for oracles and ensembles, the references
+    rank_ci95: tuple[Place, Place] | None  # interval of the rank
+    # interval of its error in units of that of the first: above 1, the first is better
     to_best_ci95: tuple[Positive, Positive] | None
+    # the same under each noise alone, in units of the first under that noise
     noise_to_best_ci95: tuple[tuple[Positive, Positive] | None, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
 class Ranking:
-    """Ranks of all methods on one group of records.
+    """Ranks of all methods on one group of records."""
 
-    Attributes:
-        sample_time_s: T [s].
-        stroke_mm: lowest and highest pulling distance [mm].
-        twin: kind of twin, `measured`, or the name of a preset.
-        ranked: methods, in the order of the comparison.
-    """
-
-    sample_time_s: Positive
+    sample_time_s: Positive  # T [s]
+    # lowest and highest pulling distance [mm]
     stroke_mm: Annotated[tuple[Annotated[float, Field(ge=-LARGEST, le=LARGEST)], ...], Field(max_length=2)]
-    twin: Name
+    twin: Name  # kind of twin, `measured`, or the name of a preset
+    # methods, in the order of the comparison
     ranked: Annotated[tuple[MethodRank, ...], Field(min_length=1, max_length=1000)]
 
     def to_dict(self) -> dict[str, Any]:
@@ -98,13 +85,10 @@ def competes(method: str, oracle: bool = False) -> bool:
 def rank_methods(
     squares: Mapping[str, Array], oracles: Sequence[str], rng: np.random.Generator
 ) -> list[MethodRank]:
-    """Return the ranks of methods, in the order that they are given in.
+    """Return the ranks of methods, in the order that they are given in; `oracles` are shown the truth.
 
-    Args:
-        squares: by method, (K, C, R, S) mean square error under C noises on R records and S draws of each
-            noise, of K training runs [deg^2].
-        oracles: names of methods that are shown the truth.
-        rng: of the resampling.
+    `squares` are, by method, (K, C, R, S) mean square errors under C noises on R records and S draws of each
+    noise, of K training runs [deg^2].
     """
     shapes = {of.shape[1:] for of in squares.values()}
     if len(shapes) != 1:
@@ -145,9 +129,8 @@ def times_reference(
 ) -> dict[str, tuple[float, tuple[float, float] | None]]:
     """Return each method's error over all groups in units of that of one method, with its 95 % interval.
 
-    Returns:
-        By method the ratio of the geometric means over groups and noises, and its paired interval; None where
-        there is but one run.
+    It is the ratio of the geometric means over groups and noises; the interval is None where there is but one
+    run.
     """
     names = list(groups[0])
     place = names.index(reference)

@@ -129,23 +129,13 @@ class Score:
 
 
 class EvaluationFile(BaseModel):
-    """The keys of `evaluation.json`; other versions may add some.
-
-    Attributes:
-        protocol: how methods were compared.
-        rows: scores, each as `Score.to_dict` writes it.
-    """
+    """The keys of `evaluation.json`; other versions may add some."""
 
     model_config = ConfigDict(frozen=True, strict=True)
 
-    protocol: Annotated[dict[str, Any], Field(max_length=100)]
+    protocol: Annotated[dict[str, Any], Field(max_length=100)]  # how methods were compared
+    # scores, each as `Score.to_dict` writes it
     rows: Annotated[list[dict[str, Any]], Field(max_length=MOST_ROWS)]
-
-
-def read_scores(path: Path) -> tuple[list[Score], dict[str, Any]]:
-    """Return the scores and the protocol of an `evaluation.json`; errors as of `read_evaluation`."""
-    scores, contents = read_evaluation(path)
-    return scores, contents["protocol"]
 
 
 def read_evaluation(path: Path) -> tuple[list[Score], dict[str, Any]]:

@@ -26,30 +26,21 @@ Array = NDArray[np.float64]
 
 
 def make_ensembles(
-    preset: Preset,
-    ranges: Ranges,
-    pulls: Sequence[Array],
+    preset: Preset,  # parameters that the members have in common
+    ranges: Ranges,  # that the others are drawn from
+    pulls: Sequence[Array],  # commands (N,) at `SAMPLE_TIME` [m]
     folder: Path,
     *,
-    count: int,
+    count: int,  # members of each; one that diverges is left out
     seed: int,
-    first: int = 0,
-    physics: str = "reduced",
+    first: int = 0,  # number of the first draw
+    physics: str = "reduced",  # or `mujoco`: the same bends to some hundredths of a degree
     on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[Path]:
     """Simulate an ensemble along each command, or find the one of an earlier run.
 
-    Args:
-        preset: parameters that the members have in common.
-        ranges: that the others are drawn from.
-        pulls: commands (N,) at `SAMPLE_TIME` [m].
-        folder: of the ensembles, each named by a hash of all that made it: one `.npz` for each command, with
-            `pull_mm` (N,), `bend_deg` (members, N) and `sample_time` [s].
-        count: members of each; one that diverges is left out.
-        seed: of the draws.
-        first: number of the first draw.
-        physics: of the members, `reduced` or `mujoco`: the same bends to some hundredths of a degree.
-        on_progress: called with the number of finished ensembles, and of all.
+    There is one `.npz` for each command, named by a hash of all that made it, with `pull_mm` (N,), `bend_deg`
+    (members, N) and `sample_time` [s]; `on_progress` is called with finished ensembles, and all.
     """
     folder.mkdir(parents=True, exist_ok=True)
     origin = [__version__, preset.to_dict(), ranges.to_dict(), count, seed, first, SAMPLE_TIME, physics]

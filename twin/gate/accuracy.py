@@ -21,16 +21,12 @@ from twin.gate.check import ACCURACY, CALIBRATION, Check, declare, not_shown
 from twin.gate.evidence import OTHER_STREAMS, RIVAL, WIDER, GateMaterial, noisy
 from twin.gate.trial import PairedTrial, compare_paired
 
-BAR = 0.0
-"""Upper end of the difference's interval, relative to the rival: at most 0, it is not worse."""
+BAR = 0.0  # upper end of the difference's interval, relative to the rival: at most 0, it is not worse
 WORTH = -0.10
 """The same of what was learned, which must be worth something: an untrained policy is as good as none."""
-LEAST_COVERAGE = 0.90
-"""Least share of samples in a 95 % interval, under each noise."""
-MOST_NEES = MOST_NIS = 2.0
-"""Normalised squares beyond which errors are 1.4 times as large as stated."""
-NIS_NOISES = (("gaussian", 1.0), ("laplace", 1.0), ("uniform", 1.0))
-"""Noises without a mean."""
+LEAST_COVERAGE = 0.90  # least share of samples in a 95 % interval, under each noise
+MOST_NEES = MOST_NIS = 2.0  # normalised squares beyond which errors are 1.4 times as large as stated
+NIS_NOISES = (("gaussian", 1.0), ("laplace", 1.0), ("uniform", 1.0))  # noises without a mean
 _STREAM = OTHER_STREAMS + 1
 _SETTLING_S = 5.0  # before which a prediction is that of a filter that has seen nothing
 _NOT_STATED = "this method states no interval of its own"

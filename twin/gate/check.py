@@ -25,34 +25,22 @@ Line = Annotated[str, Field(max_length=4000)]
 
 
 class Check(BaseModel):
-    """Result of one check: a figure against its bar.
-
-    Attributes:
-        said: result in one sentence; it is the reason where the check does not hold.
-        figure: what was measured; None where nothing could be.
-        bar: limit of the figure; None where there is none.
-        relation: `at most`, `at least` or `equal`: how the figure must relate to the bar.
-        unit: of both.
-        holds: whether it does; None where the check showed nothing.
-        required: whether a go needs it: what is required and shows nothing is a no-go.
-        rows: evidence, one row of a table each.
-        notes: basis and limits of the evidence.
-        name: of the check; its declaration sets it.
-        curves: for the page alone: name, pull [mm], angle [deg] and what is compared with it [deg].
-    """
+    """Result of one check: a figure against its bar."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    said: Line
-    figure: float | None = None
-    bar: float | None = None
-    relation: Line = "at most"
-    unit: Line = ""
-    holds: bool | None = None
-    required: bool = True
+    said: Line  # result in one sentence; it is the reason where the check does not hold
+    figure: float | None = None  # what was measured; None where nothing could be
+    bar: float | None = None  # limit of the figure; None where there is none
+    relation: Line = "at most"  # `at most`, `at least` or `equal`: how the figure must relate to the bar
+    unit: Line = ""  # of both
+    holds: bool | None = None  # whether it does; None where the check showed nothing
+    required: bool = True  # whether a go needs it: what is required and shows nothing is a no-go
+    # evidence, one row of a table each
     rows: Annotated[tuple[dict[str, Any], ...], Field(max_length=10_000)] = ()
-    notes: Annotated[tuple[Line, ...], Field(max_length=1000)] = ()
-    name: Line = ""
+    notes: Annotated[tuple[Line, ...], Field(max_length=1000)] = ()  # basis and limits of the evidence
+    name: Line = ""  # of the check; its declaration sets it
+    # for the page alone: name, pull [mm], angle [deg] and what is compared with it [deg]
     curves: Annotated[tuple[Any, ...], Field(exclude=True)] = ()
 
     @property
@@ -67,17 +55,12 @@ class Check(BaseModel):
 
 
 class GateVerdict(BaseModel):
-    """Go or no-go, and why.
-
-    Attributes:
-        checks: in the order of the table.
-        subject: what was judged: policy, preset, logs, seed and versions, as plain values.
-    """
+    """Go or no-go, and why."""
 
     model_config = ConfigDict(frozen=True)
 
-    checks: Annotated[tuple[Check, ...], Field(min_length=1, max_length=100)]
-    subject: dict[Line, Any]
+    checks: Annotated[tuple[Check, ...], Field(min_length=1, max_length=100)]  # in the order of the table
+    subject: dict[Line, Any]  # what was judged: policy, preset, logs, seed and versions, as plain values
 
     @property
     def go(self) -> bool:

@@ -34,8 +34,7 @@ from twin.signals.excitation import SIGNALS, command
 from twin.signals.noise import draw_noise, noise_bound, noise_variance
 
 Array = NDArray[np.float64]
-Stroke = tuple[float, float]
-"""Lowest and highest pull [mm]."""
+Stroke = tuple[float, float]  # lowest and highest pull [mm]
 
 STREAM = 0x656E646F7477696E  # of the gate alone: seeds of trainings are small numbers, and differ in length
 NOISES: tuple[tuple[str, float], ...] = (
@@ -47,15 +46,13 @@ NOISES: tuple[tuple[str, float], ...] = (
     ("salt-and-pepper", 0.05),
 )
 """Kinds and levels."""
-RIVAL = AM_TUNED
-"""The trusted filter that a policy is compared with."""
+RIVAL = AM_TUNED  # the trusted filter that a policy is compared with
 INITIAL_ERROR_DEG = 20.0
 MOVING = 3  # one twin in so many has its sheath bent on meanwhile
 SPARE = 1  # twins beyond those requested: one drawn from wide ranges may find no equilibrium
 TUNING_SECONDS = 15.0  # of each record that Q and P of the rival are found on
 POPULATION, GENERATIONS = 40, 60  # of the search for the rival's model
-WIDER = 1.5
-"""Times the ranges of the preset: what the second set of twins is drawn from."""
+WIDER = 1.5  # times the ranges of the preset: what the second set of twins is drawn from
 STROKE_MM = (-4.0, 4.0)  # where neither policy nor logs have another
 LEAST_LOG = 20  # samples of a log
 _RIVAL, _HELD_OUT, _WIDER, _LOGS, _RESAMPLING = range(5)
@@ -306,7 +303,7 @@ def gather(
     file = read_trained_file(path)
     if sample_time is not None:
         check_between("sample_time", sample_time, *SAMPLE_TIMES, "s")
-    estimator, T = load_estimator_at(path, sample_time)
+    estimator, T = load_estimator_at(file, sample_time)
     check_members([preset])
     check_sample_time(preset, T)
     logs, sheath_bends = [], []

@@ -26,8 +26,7 @@ FREE = ("name", "time_step", "sensor_noise", "sensor_resolution", "sensor_period
 CLOSE = 1e-6  # relative difference of two parameters that are the same
 REPLAYED_DEG = 1e-5
 """Largest difference between the graph and the network that was trained, relative above 1 deg."""
-REACH = "step.reach"
-"""Constant of a step's graph that bounds the output of its policy, in logarithms."""
+REACH = "step.reach"  # constant of a step's graph that bounds the output of its policy, in logarithms
 LARGEST_ESTIMATE_DEG = 10 * LARGEST_BEND_DEG
 """Magnitude that no estimate exceeds, whatever comes; the live path refuses larger ones [deg]."""
 _STREAM = OTHER_STREAMS

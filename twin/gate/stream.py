@@ -17,15 +17,12 @@ from twin.live.online import OnlineEstimator
 from twin.live.reading import flag_names
 
 Array = NDArray[np.float64]
-Sample = tuple[float, float, float]
-"""Time [s], pull [mm] and measurement [deg]."""
-ALLOWED = 1.1
-"""Times the error of the fallback alone that an error under faults may be."""
+Sample = tuple[float, float, float]  # time [s], pull [mm] and measurement [deg]
+ALLOWED = 1.1  # times the error of the fallback alone that an error under faults may be
 VARIANCE = 0.25  # of the sensor [deg^2]
 ALLOWED_DEG = 0.5 * math.sqrt(VARIANCE)
 """Difference that counts as none: half of the deviation of a single measurement [deg]."""
-LATENCY_SHARE = 0.1
-"""Share of the sample time that one sample may take."""
+LATENCY_SHARE = 0.1  # share of the sample time that one sample may take
 PERCENTILE = 99
 SPIKE_DEG, SHIFT_DEG, WRONG_PULL_MM, CLOCK_S = 60.0, 8.0, 5.0, 3600.0
 _FAULTS, _LATENCY = OTHER_STREAMS + 3, OTHER_STREAMS + 4

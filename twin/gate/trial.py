@@ -12,16 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.estimation.estimator import Estimator, Sensor, time_first
+from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.gaussian import DEVIATIONS_OF_95
 from twin.estimation.knowledge import Case
 
 Array = NDArray[np.float64]
-WORST_DEG2 = 1e8
-"""Square error of an estimate that is not a number [deg^2]."""
+WORST_DEG2 = 1e8  # square error of an estimate that is not a number [deg^2]
 RESAMPLES = 2000
 LOW, HIGH = 2.5, 97.5  # percentiles of a 95 % interval
-_PROGRESS_SAMPLES = 10
 
 
 class Paired(NamedTuple):
@@ -105,8 +103,10 @@ def run_trials(
     """Run two estimators on all noises at once; the first sample, which is given, is not scored."""
     case = joined_cases(cases)
     measured, truth = case.measurement_deg, np.asarray(case.truth_deg)
-    bend, half = follow(policy.with_sensor(case.sensor), case, on_progress)
-    other = follow(rival.with_sensor(case.sensor), case)[0] if rival else bend
+    runs = case.pull_mm, measured, case.initial_bend_deg
+    with np.errstate(all="ignore"):  # a policy that diverges is a result
+        bend, half = policy.with_sensor(case.sensor).estimate_with_interval(*runs, on_progress)
+        other = rival.with_sensor(case.sensor).estimate_with_interval(*runs)[0] if rival else bend
     scored = ~np.isnan(measured)
     scored[:, 0] = False
     shape = len(cases), len(units), -1
@@ -143,25 +143,3 @@ def run_trials(
         )
         for place, (case, (inside, nees, width)) in enumerate(zip(cases, stated, strict=True))
     ]
-
-
-def follow(
-    estimator: Estimator[Any], case: Case, on_progress: Callable[[int, int], None] | None = None
-) -> tuple[Array, Array | None]:
-    """Return (B, N) estimates and half of their 95 % intervals [deg], or None, sample by sample."""
-    pull, measured, initial = time_first(case.pull_mm, case.measurement_deg, case.initial_bend_deg)
-    state = estimator.start(pull[0], initial)
-    bend = np.empty_like(measured)
-    half = np.empty_like(measured) if estimator.states_interval else None
-    bend[0] = initial
-    if half is not None:
-        half[0] = estimator.half_width_deg(state)
-    with np.errstate(all="ignore"):  # a policy that diverges is a result
-        for k in range(1, len(measured)):
-            state = estimator.step(state, pull[k], pull[k - 1], measured[k])
-            bend[k] = estimator.bend_deg(state)
-            if half is not None:
-                half[k] = estimator.half_width_deg(state)
-            if on_progress and (k % _PROGRESS_SAMPLES == 0 or k == len(measured) - 1):
-                on_progress(k, len(measured) - 1)
-    return bend.T, None if half is None else half.T

@@ -138,9 +138,6 @@ def identify_prandtl_ishlinskii(
     The first angle of a record is measured with noise that a play never forgets, so the level of each record
     is free in the fit. The returned error is that of the response from the measured first angle, as for other
     models.
-
-    Returns:
-        The best model and its RMSE over all samples [deg].
     """
     check(records)
     thresholds = tuple(map(float, thresholds_mm)) or spread_thresholds(records)

@@ -58,23 +58,14 @@ class AssuredEstimator:
 
     def __init__(
         self,
-        method: str,
-        advanced: Estimator[Any],
-        fallback: ActiveModel,
-        deployment: Deployment,
-        initial_bend_deg: float,
-        limits: StreamLimits | None = None,
+        method: str,  # name of the trained method
+        advanced: Estimator[Any],  # the trained estimator, with the noise of the sensor
+        fallback: ActiveModel,  # on a model of Coleman and Hodgdon, with T and noise of the stream
+        deployment: Deployment,  # ranges of the training
+        initial_bend_deg: float,  # estimate at the first sample [deg]
+        limits: StreamLimits | None = None,  # beyond which a sample is refused
     ):
-        """Prepare a stream that starts at an estimate [deg].
-
-        Args:
-            method: name of the trained method.
-            advanced: the trained estimator, with the noise of the sensor.
-            fallback: filter on a model of Coleman and Hodgdon, with sample time and noise of the stream.
-            deployment: ranges of the training.
-            initial_bend_deg: estimate at the first sample [deg].
-            limits: beyond which a sample is refused.
-        """
+        """Prepare a stream that starts at an estimate [deg]."""
         self.method, self.sample_time = method, fallback.sample_time
         self.advanced = OnlineEstimator(advanced, self.sample_time, initial_bend_deg, limits)
         self.fallback = OnlineEstimator(fallback, self.sample_time, initial_bend_deg, limits)
@@ -241,15 +232,14 @@ def prepare_runtime(
     limits: StreamLimits | None = None,
 ) -> Callable[[float], AssuredEstimator]:
     """Read a trained file once for many streams: the function from an initial estimate to a runtime."""
-    path = Path(path)
-    file = read_trained_file(path)
+    file = read_trained_file(Path(path))
     deployment = deployment_of(file)
     if sample_time is not None:
         sample_time = _positive("sample_time", sample_time)
     if noise_variance is None:
         noise_variance = float(np.asarray(deployment.fallback.measurement_variance))
     noise_variance = _positive("noise_variance", noise_variance)
-    estimator, T = load_estimator_at(path, sample_time)
+    estimator, T = load_estimator_at(file, sample_time)
     advanced = estimator.with_sensor(Sensor(noise_variance))
     method = next(spec.name for spec in method_specs() if spec.training and spec.training.agent == file.agent)
     fallback = deployment.fallback_at(T, noise_variance)

@@ -81,16 +81,13 @@ class StreamClock:
     A stamp that is not later than the last, or farther ahead than the longest pause, is refused: where the
     stamps after it go on from the old clock, nothing has happened. Where they go on from each other for a
     second, the sender has another clock, and the stream goes on by it.
-
-    Attributes:
-        fault: of the last stamp.
     """
 
     AGREEMENT_S = 1.0  # stamps that go back for less time than this may be late packets, sent again in order
     USUAL_STEPS = 10.0  # sample times, or seconds, between two stamps of one clock that agree, at most
 
     def __init__(self, sample_time: float, limits: StreamLimits):
-        self.fault = _GOOD
+        self.fault = _GOOD  # of the last stamp
         self._sample_time = sample_time
         self._pause_s, self._most_s = limits.pause_s, limits.time_s
         self._now_s = math.nan  # until the first stamp
@@ -169,16 +166,12 @@ Refused = tuple[float, float]
 
 
 class AgreeingRun:
-    """Consecutive refused samples that agree; a run that is long enough is accepted.
-
-    Attributes:
-        begun: whether it contains a sample.
-    """
+    """Consecutive refused samples that agree; a run that is long enough is accepted."""
 
     def __init__(self, enough: int):
         self._samples: collections.deque[Refused] = collections.deque(maxlen=enough)
         self._last = math.nan
-        self.begun = False
+        self.begun = False  # whether it contains a sample
 
     def is_accepted(self, value: float, tolerance: float, sample: Refused) -> bool:
         """Take in a sample that was refused for a value and return whether the run is long enough.

@@ -20,12 +20,9 @@ from twin.live.reading import Alarm, Health, Source, StreamSample, flag_names
 if TYPE_CHECKING:
     from twin.control.compensator import LiveCommands
 
-LONGEST_LINE = 65_536
-"""Bytes of a line without its end; a sample has about a hundred."""
-MOST_COMING = 256
-"""Wanted angles ahead that a sample may contain."""
-LONGEST_ERROR = 300
-"""Characters of the text of an error."""
+LONGEST_LINE = 65_536  # bytes of a line without its end; a sample has about a hundred
+MOST_COMING = 256  # wanted angles ahead that a sample may contain
+LONGEST_ERROR = 300  # characters of the text of an error
 
 _ENCODER = json.JSONEncoder(separators=(",", ":"), allow_nan=False)
 

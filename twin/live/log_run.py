@@ -18,28 +18,20 @@ from twin.recording import EpisodeWriter, read_episode
 from twin.recording.messages import HEALTH_TOPIC, estimate_message, estimate_topic, health_message
 
 Array = NDArray[np.float64]
-SIGN = '"endotwin run"'
-"""Item of the metadata that identifies the recording of a run on a log."""
-PAUSE_S = 1.0
-"""Time between two consecutive episodes in one file [s]."""
-STEADY_S = 5.0
-"""Time from the start of an episode that `rmse_steady_deg` leaves out [s]."""
+SIGN = '"endotwin run"'  # item of the metadata that identifies the recording of a run on a log
+PAUSE_S = 1.0  # time between two consecutive episodes in one file [s]
+STEADY_S = 5.0  # time from the start of an episode that `rmse_steady_deg` leaves out [s]
 PROGRESS_SAMPLES = 100
 
 
 @dataclasses.dataclass(frozen=True)
 class LogScores:
-    """Errors of a run on a log.
+    """Errors of a run on a log."""
 
-    Attributes:
-        against: `truth`; `measurement` where no episode has a truth, `truth or measurement` where some have.
-        rmse_deg: from the second sample on [deg]; None where there is nothing to compare with.
-        rmse_steady_deg: after the first 5 s [deg]; likewise.
-    """
-
+    # `truth`; `measurement` where no episode has a truth, `truth or measurement` where some have
     against: str
-    rmse_deg: float | None
-    rmse_steady_deg: float | None
+    rmse_deg: float | None  # from the second sample on [deg]; None where there is nothing to compare with
+    rmse_steady_deg: float | None  # after the first 5 s [deg]; likewise
 
 
 def read_logs(files: Mapping[str, Path], sample_time: float) -> list[Record]:

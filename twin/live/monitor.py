@@ -30,11 +30,7 @@ _JUDGED = _INNOVATION | _DISAGREEMENT | _RATE  # what needs averages
 
 
 class Monitor:
-    """Averages over one stream, and the limits for it.
-
-    Attributes:
-        nis: mean square of the fallback's innovations, relative to their expected variance.
-    """
+    """Averages over one stream, and the limits for it."""
 
     def __init__(self, deployment: Deployment, sample_time: float, noise_variance: float):
         """Begin with nothing known, for a sample time T [s] and a sensor of variance R [deg^2]."""
@@ -66,7 +62,7 @@ class Monitor:
         self._mean = self._square = self._mean_fallback = 0.0
         self._square_fallback = self._variance
         self._before_deg = self._fallback_before_deg = math.nan
-        self.nis = 1.0
+        self.nis = 1.0  # mean square of the fallback's innovations over their expected variance
 
     def judge(
         self,

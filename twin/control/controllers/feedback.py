@@ -16,7 +16,8 @@ from twin.control.controller import (
     register_controller,
 )
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.ram_twins import load
+from twin.estimation.learned import ram_twins
+from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.registry import Style
 from twin.live.online import OnlineEstimator
 
@@ -194,7 +195,8 @@ ACTIVE_MODEL_PI = register_controller(
 
 def ram_twins_pi(knowledge: ControlKnowledge, settings: Mapping[str, float]) -> EstimateFeedback:
     """Return linear map and PI on the estimate of RAM (twins), without an inverse."""
-    estimator = load(knowledge.trained("policy")).at(knowledge.sample_time)
+    file = read_trained_file(knowledge.trained("policy"), ram_twins.AGENT)
+    estimator = ram_twins.load(file).at(knowledge.sample_time)
     estimator = estimator.with_sensor(Sensor(knowledge.noise_variance))
     make_estimator = functools.partial(OnlineEstimator, estimator, knowledge.sample_time)
     return EstimateFeedback(knowledge, make_estimator, settings)

@@ -18,8 +18,7 @@ _OF_SHAPE = {"Cast", "Concat", "Constant", "Gather", "Identity", "Split", "Squee
 OPERATORS = _LAYERS | _ARITHMETIC | _FUNCTIONS | _OF_SHAPE
 """Operators of the networks that training writes, and near ones that another torch may write for the same."""
 MOST_NODES = 600
-MOST_CONCATENATIONS = 4
-"""Number of `Concat` nodes: each may double what it is given."""
+MOST_CONCATENATIONS = 4  # number of `Concat` nodes: each may double what it is given
 LONGEST_AXIS = 8192
 MOST_FIELDS = 100_000
 

@@ -6,13 +6,13 @@ simulated twins `rl/twins/memory_step.py` and `rl/twins/recurrent_step.py`.
 """
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.knowledge import CaseEstimator, Knowledge
 from twin.estimation.learned.step import LearnedStep, OracleRun, StepState, load_step
+from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.registry import MethodSpec, Training, register_method
 from twin.hysteresis import ColemanHodgdon
 
@@ -46,11 +46,11 @@ def _learned(
 ) -> MethodSpec:
     """Register a method; one that needs a model runs with the identified one and at any sample time."""
 
-    def load(path: Path) -> LearnedStep:
-        return load_step(path, agent, kind)
+    def load(file: TrainedFile) -> LearnedStep:
+        return load_step(file, kind)
 
     def build(known: Knowledge) -> LearnedStep:
-        step = load(known.file_of(agent))
+        step = load(read_trained_file(known.file_of(agent), agent))
         if models:
             return dataclasses.replace(step, model=known.reference, sample_time=known.sample_time)
         return step.at(known.sample_time) if on_twins else step

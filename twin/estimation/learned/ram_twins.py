@@ -9,7 +9,6 @@ The initial estimate is not used: where an endoscope stands is known better from
 
 import dataclasses
 import functools
-from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -26,7 +25,7 @@ from twin.estimation.learned.step import (
     StepState,
     step_network,
 )
-from twin.estimation.learned.trained_file import read_trained_file
+from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.registry import MethodSpec, Training, register_method
 from twin.files.shown import shown
 
@@ -35,17 +34,7 @@ if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs
 
 Array = NDArray[np.float64]
 AGENT = "ram-twins"
-STATE = {
-    "mean": 1,
-    "covariance": 2,
-    "counts": 1,
-    "samples": 0,
-    "statistics": 1,
-    "rows": 2,
-    "rows_covariance": 2,
-    "evidence": 1,
-}
-"""Axes of each array of the state of one filter."""
+STATE = ("mean", "covariance", "counts", "samples", "statistics", "rows", "rows_covariance", "evidence")
 RECOGNISER_ALONE = (0.0, 1.0)
 
 
@@ -107,8 +96,8 @@ class RamTwins(LearnedStep):
         return Members(self.twins, self.sample_time)
 
 
-_ROWS, _EVIDENCE = (list(STATE).index(name) for name in ("rows", "evidence"))
-_COVARIANCES = [list(STATE).index(name) for name in ("covariance", "rows_covariance")]
+_ROWS, _EVIDENCE = (STATE.index(name) for name in ("rows", "evidence"))
+_COVARIANCES = [STATE.index(name) for name in ("covariance", "rows_covariance")]
 
 
 class MemberWeights:
@@ -118,10 +107,6 @@ class MemberWeights:
     the coefficients that its state has for each noise model, weighted by their likelihood. D and the prior of
     the noise models are constants inside of the graph. Without a measurement the graph returns its
     prediction, which is linear in theta, c and d: so they are read from its answers.
-
-    Attributes:
-        directions: (M, r) D, with the mean over the members taken off.
-        log_prior: (J,) log probability of each noise model before anything is measured.
     """
 
     def __init__(self, estimator: RamTwins) -> None:
@@ -130,10 +115,10 @@ class MemberWeights:
         coefficients = np.tile(np.eye(directions, size), (members, 1))
         one = np.repeat(np.eye(members), directions, axis=0)
         answers = _predicted(estimator, np.repeat(coefficients[:, None], models, axis=1), one)
-        self.directions: Array = answers.reshape(members, directions) - 1 / members
+        self.directions: Array = answers.reshape(members, directions) - 1 / members  # (M, r) D, centred
         of_error = np.zeros((models, models, size))
         of_error[range(models), range(models), -1] = 1.0
-        self.log_prior: Array = np.log(_predicted(estimator, of_error, np.zeros((models, members))))
+        self.log_prior: Array = np.log(_predicted(estimator, of_error, np.zeros((models, members))))  # (J,)
 
     def of(self, state: StepState) -> Array:
         """Return the (M,) weights of the one filter of a state; their sum is 1."""
@@ -161,11 +146,10 @@ def _predicted(estimator: RamTwins, rows: Array, members_deg: Array) -> Array:
     return bend
 
 
-def load(path: Path) -> RamTwins:
-    """Read a trained step and its members."""
+def load(file: TrainedFile) -> RamTwins:
+    """Return the estimator of a trained step and its members."""
     from twin.reduced.members import members_from_dict
 
-    file = read_trained_file(path, AGENT)
     try:
         twins = members_from_dict(file.description.get("members"))
         network = step_network(file, {"members_deg": (len(twins.presets),), "way_mm": ()})
@@ -178,37 +162,21 @@ def load(path: Path) -> RamTwins:
             raise InputError(f"the shapes of its state are {shown(tuple(network.state.values()))}")
         return RamTwins(network, None, twins=twins)
     except ValueError as error:
-        raise InputError(f"{path} is not a policy of the agent {AGENT!r}: {error}") from error
+        raise InputError(f"{file.path} is not a policy of the agent {AGENT!r}: {error}") from error
 
 
 def _build(known: Knowledge, parts: tuple[float, float] = ALL_PARTS) -> RamTwins:
-    return dataclasses.replace(load(known.file_of(AGENT)), sample_time=known.sample_time, parts=parts)
+    estimator = load(read_trained_file(known.file_of(AGENT), AGENT))
+    return dataclasses.replace(estimator, sample_time=known.sample_time, parts=parts)
 
 
 TRAINING = Training(
     AGENT, POLICY_FILE, load, "RAM on twins that follow the command, trained on simulated ones", on_twins=True
 )
-RAM_TWINS = register_method(
-    MethodSpec(
-        name="RAM (twins)",
-        noise_information="R",
-        build=_build,
-        training=TRAINING,
+RAM_TWINS = register_method(MethodSpec("RAM (twins)", _build, "R", training=TRAINING))
+for _name, _parts in {"recogniser": RECOGNISER_ALONE, "filter": FILTER_ALONE}.items():
+    register_method(
+        MethodSpec(
+            f"RAM (twins), {_name} alone", functools.partial(_build, parts=_parts), "R", trained_as=AGENT
+        )
     )
-)
-register_method(
-    MethodSpec(
-        name="RAM (twins), recogniser alone",
-        noise_information="R",
-        build=lambda known: _build(known, RECOGNISER_ALONE),
-        trained_as=AGENT,
-    )
-)
-register_method(
-    MethodSpec(
-        name="RAM (twins), filter alone",
-        noise_information="R",
-        build=lambda known: _build(known, FILTER_ALONE),
-        trained_as=AGENT,
-    )
-)

@@ -14,8 +14,7 @@ from twin.estimation.learned.trained_file import TrainedFile
 if TYPE_CHECKING:
     from twin.files.trained_schema import NumbersFile
 
-REFERENCE = "reference"
-"""Key of them in the description of a trained file."""
+REFERENCE = "reference"  # key of them in the description of a trained file
 ESTIMATE, PREVIOUS = "bend_deg", "previous_deg"
 """Output that is the estimate, and its name as a state of the next step."""
 

@@ -8,7 +8,6 @@ starts at the initial one, and from what the file lists under `start`.
 import dataclasses
 import functools
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -24,14 +23,12 @@ from twin.estimation.learned.trained_file import (
     BoundFile,
     TrainedFile,
     check_network,
-    read_trained_file,
 )
 from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict
 
 Array = NDArray[np.float64]
-Memory = tuple[NDArray[Any], ...]
-"""Arrays of the state of B filters, (B, ...) each."""
+Memory = tuple[NDArray[Any], ...]  # arrays of the state of B filters, (B, ...) each
 
 SAMPLE_TIME = 0.1  # the paper's [s]
 LEAST_VARIANCE = 1e-6  # R [deg^2] below which a graph is given this: it divides by sqrt(R)
@@ -40,15 +37,8 @@ PARTS, START = "parts", "start"
 """Input that says which parts act; key of the numbers of a state that are not zero at the start."""
 ALL_PARTS, FILTER_ALONE = (1.0, 1.0), (0.0, 0.0)
 """Parts of a graph that act, 1 or 0: the policy, and the noise classifier where there is one."""
-INPUTS: dict[str, tuple[int, ...]] = {
-    "keep": (),
-    "drive_deg": (),
-    "increment_mm": (),
-    "measurement_deg": (),
-    "reference_deg": (),
-    "variance": (),
-    "sample_time": (),
-}
+_MEASURED = ("measurement_deg", "reference_deg", "variance", "sample_time")
+INPUTS: dict[str, tuple[int, ...]] = dict.fromkeys(("keep", "drive_deg", "increment_mm", *_MEASURED), ())
 """Inputs that a graph may take, with their shape for one filter: a step keep theta + drive of the model of
 hysteresis, the increment of the pull, the measurement, the angle that a residual refers to (the measurement,
 but the truth in an oracle run), R and T. It may also take `parts`, which all filters share."""
@@ -129,40 +119,24 @@ def step_network(file: TrainedFile, more: Mapping[str, tuple[int, ...]] | None =
 
 
 class StepState(NamedTuple):
-    """State of B filters.
+    """State of B filters."""
 
-    Attributes:
-        memory: arrays of the graph, in the order of its state.
-        following: (m, B) memory of the model of hysteresis, or the twins that follow the command.
-        bend_deg: (B,) estimate [deg].
-        half_width_deg: (B,) half of its 95 % interval [deg]; `UNKNOWN_DEG` where none is stated.
-    """
-
-    memory: Memory
-    following: Any
-    bend_deg: Array
-    half_width_deg: Array
+    memory: Memory  # arrays of the graph, in the order of its state
+    following: Any  # (m, B) memory of the model of hysteresis, or the twins that follow the command
+    bend_deg: Array  # (B,) estimate [deg]
+    half_width_deg: Array  # (B,) half of its 95 % interval [deg]; `UNKNOWN_DEG` where none is stated
 
 
 @dataclasses.dataclass(frozen=True)
 class LearnedStep(Estimator[StepState]):
-    """A trained graph, the model that it predicts by, and what it is given.
+    """A trained graph, the model that it predicts by, and what it is given."""
 
-    Attributes:
-        network: graph of the trained file.
-        model: of hysteresis, affine in the angle; None where the graph uses none.
-        sample_time: T [s].
-        measurement_variance: R, one for all or (B,) [deg^2].
-        parts: which parts act.
-        trained_at: the only T that it runs at; None if it runs at any [s].
-    """
-
-    network: StepNetwork
-    model: HysteresisModel | None
-    sample_time: float = SAMPLE_TIME
-    measurement_variance: ArrayLike = 0.1
-    parts: tuple[float, float] = ALL_PARTS
-    trained_at: float | None = None
+    network: StepNetwork  # graph of the trained file
+    model: HysteresisModel | None  # of hysteresis, affine in the angle; None where the graph uses none
+    sample_time: float = SAMPLE_TIME  # T [s]
+    measurement_variance: ArrayLike = 0.1  # R, one for all or (B,) [deg^2]
+    parts: tuple[float, float] = ALL_PARTS  # which parts act
+    trained_at: float | None = None  # the only T that it runs at; None if it runs at any [s]
 
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the estimator that takes the sensor's variance as R."""
@@ -298,9 +272,8 @@ class OracleRun:
 AnyStep = TypeVar("AnyStep", bound=LearnedStep)
 
 
-def load_step(path: Path, agent: str, kind: type[AnyStep]) -> AnyStep:
-    """Read a trained graph, with the model and the sample time that it was trained with."""
-    file = read_trained_file(path, agent)
+def load_step(file: TrainedFile, kind: type[AnyStep]) -> AnyStep:
+    """Return the estimator of a trained graph, with the model and the sample time of its training."""
     try:
         network = step_network(file)
         if "active_model" in file.description:
@@ -310,7 +283,7 @@ def load_step(path: Path, agent: str, kind: type[AnyStep]) -> AnyStep:
         model = model_from_dict(file.description.get("model", {})) if "keep" in network.inputs else None
         return kind(network, model)
     except ValueError as error:
-        raise InputError(f"{path} is no trained file of the agent {agent!r}: {error}") from error
+        raise InputError(f"{file.path} is no trained file of the agent {file.agent!r}: {error}") from error
 
 
 def check_affine(model: HysteresisModel) -> None:

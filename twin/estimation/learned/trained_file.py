@@ -16,12 +16,9 @@ from twin.files.bounded import MEBIBYTE, read_limited
 from twin.files.json_text import parse_json_object
 from twin.files.shown import cut, shown
 
-METADATA_KEY = "endotwin"
-"""Key of the description, as JSON, among the metadata of the ONNX file."""
-PARAMETERS = "parameters"
-"""Key of the number of learned parameters in the description."""
-LARGEST = 32 * MEBIBYTE
-"""Size that no trained file of ours comes near [bytes]."""
+METADATA_KEY = "endotwin"  # key of the description, as JSON, among the metadata of the ONNX file
+PARAMETERS = "parameters"  # key of the number of learned parameters in the description
+LARGEST = 32 * MEBIBYTE  # size that no trained file of ours comes near [bytes]
 MOST_METADATA = MEBIBYTE
 PRECISIONS: dict[str, type[np.floating[Any]]] = {"tensor(float)": np.float32, "tensor(double)": np.float64}
 """Types of numbers that a network may compute with, by ONNX Runtime's names of them."""
