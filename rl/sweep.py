@@ -175,9 +175,8 @@ def with_settings(material: Material, settings: Settings) -> Material:
     """Return what is learned from, with settings of the training in place of the method's own."""
     if material.simulated is None:
         raise InputError("settings are searched for trainings on twins alone")
-    return dataclasses.replace(
-        material, simulated=dataclasses.replace(material.simulated, settings=dict(settings))
-    )
+    settings = {**material.simulated.settings, **settings}
+    return dataclasses.replace(material, simulated=dataclasses.replace(material.simulated, settings=settings))
 
 
 def trials_table(trials: Sequence[SettingsTrial]) -> str:

@@ -34,15 +34,12 @@ RATES = (1e-3, 3e-3, 1e-2)  # learning rates that a search tries
 
 @dataclasses.dataclass(frozen=True)
 class Simulated:
-    """Twins that a training simulates, and the noise that they are measured under."""
+    """Twins that a training simulates."""
 
     preset: "Preset"  # the endoscope
     ranges: "Ranges"  # what varies from one to the next
-    noises: tuple[str, ...] = ()  # families of the measurement noise; the training's own, if empty
-    stroke_mm: tuple[float, float] | None = None  # that the commands lie within; the training's own, if None
-    gain: tuple[str, ...] = ()  # how the policy learns; the training's own way, if empty
-    sample_times: tuple[float, ...] = ()  # T that are met, most frequent first; its own, if empty [s]
-    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # by name, in place of all others
+    # of the training by name, such as `noises`, in place of its own
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)

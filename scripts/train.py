@@ -249,9 +249,10 @@ def _on_twins(args: Train) -> "tuple[Material, str]":
     if flag := _first_given(args, _OF_RECORDS):
         raise ValueError(f"{flag} is of a training on records: --protocol twins has settings of its own")
     preset = load_preset(args.preset)
-    simulated = Simulated(
-        preset, load_ranges(args.preset), args.noises, args.stroke, args.gain, args.sample_times
-    )
+    names = ("noises", "stroke_mm", "gain", "sample_times")
+    given = zip(names, (args.noises, args.stroke, args.gain, args.sample_times), strict=True)
+    settings = {name: value for name, value in given if value}
+    simulated = Simulated(preset, load_ranges(args.preset), settings)
     return Material(simulated=simulated), f"simulated twins of {preset.name}"
 
 

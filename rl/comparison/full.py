@@ -21,12 +21,7 @@ from twin.dataset.recipe import Recipe
 from twin.dataset.write import write_dataset
 from twin.episode import Record
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.registry import (
-    find_training,
-    load_method_files,
-    needed_fits,
-    trainings,
-)
+from twin.estimation.registry import find_training, load_method_files, needed_fits, trainings
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.compare import Comparison, compare
 from twin.evaluation.costs import Cost, method_costs

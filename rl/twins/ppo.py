@@ -88,13 +88,7 @@ class TwinsEnvironment(SharedEnvironment):
             self.factors = self.typical.factors(drawn, sample // self.settings.window)
         members, way = (of[sample] for of in drawn.inputs)
         self.predicted = self.filter_step.predict(
-            members,
-            way,
-            drawn.measurement_deg[sample],
-            drawn.variance,
-            drawn.sample_time,
-            ALL,
-            self.state,
+            members, way, drawn.measurement_deg[sample], drawn.variance, drawn.sample_time, ALL, self.state
         )
         self.seen: Array32 = self.predicted.features.numpy()
         return self.seen
@@ -120,11 +114,7 @@ FROM_SCRATCH, FROM_THERE = (1e-3, 0.15), (2.5e-4, 0.1)
 
 
 def learn_by_ppo(
-    step: TwinsStep,
-    source: SequenceSource,
-    settings: TwinsTraining,
-    on_share: OnShare,
-    on_weights: OnWeights,
+    step: TwinsStep, source: SequenceSource, settings: TwinsTraining, on_share: OnShare, on_weights: OnWeights
 ) -> None:
     """Train the policy of a step; what else it holds stays."""
     rate, explores = FROM_THERE if "analytic" in settings.gain else FROM_SCRATCH

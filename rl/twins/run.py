@@ -197,19 +197,9 @@ def scaled_to_options(
     """Return a training that takes options: by these settings, but for what is given."""
 
     def run(
-        simulated: Simulated,
-        options: TrainingOptions,
-        folder: Path,
-        on_progress: OnProgress | None = None,
+        simulated: Simulated, options: TrainingOptions, folder: Path, on_progress: OnProgress | None = None
     ) -> Path:
-        given: dict[str, Any] = {
-            "noises": simulated.noises,
-            "stroke_mm": simulated.stroke_mm,
-            "gain": simulated.gain,
-            "sample_times": simulated.sample_times,
-        }
-        given = {name: value for name, value in given.items() if value} | dict(simulated.settings)
-        chosen = dataclasses.replace(settings.scaled(options), **given)
+        chosen = dataclasses.replace(settings.scaled(options), **simulated.settings)
         return train(simulated.preset, simulated.ranges, chosen, folder, on_progress)
 
     return run

@@ -30,15 +30,7 @@ import torch
 
 from rl.policies import log_scale
 from rl.twins.filter_bank import HISTORY, FilterBank, FilterBankPrediction, FilterBankState, NoiseBelief
-from rl.twins.filter_step import (
-    LEAST_VARIANCE,
-    FilterStep,
-    MemberMotion,
-    Output,
-    along,
-    last_layer,
-    network,
-)
+from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, MemberMotion, Output, along, last_layer, network
 from rl.twins.ood_detector import BINS, Fallback, OodDetector, ResidualHistogram, Verdict
 
 Tensor = torch.Tensor

@@ -35,7 +35,8 @@ AGENTS = [
 def trained(request, records, model, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     options = TrainingOptions(agent=request.param, seed=1, **FEW)
-    simulated = Simulated(PRESET, RANGES, TINY.noises)  # whole trainings, of all nine, are back in time too
+    # trainings on all nine noises are back in time too
+    simulated = Simulated(PRESET, RANGES, {"noises": TINY.noises})
     material = Material(records, ActiveModel(model, 0.1), simulated)
     with pytest.MonkeyPatch.context() as patch:
         briefly.choose_members(patch)

@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 from small_twins import small_step
 
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.ram_twins import (
-    RECOGNISER_ALONE,
-    STATE,
-    MemberWeights,
-    RamTwins,
-)
+from twin.estimation.learned.ram_twins import RECOGNISER_ALONE, STATE, MemberWeights, RamTwins
 from twin.estimation.learned.step import ALL_PARTS, FILTER_ALONE, StepState
 from twin.estimation.load import load_estimator
 

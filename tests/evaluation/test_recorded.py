@@ -16,12 +16,7 @@ from twin.estimation.knowledge import Case
 from twin.evaluation.compare import compare, write_estimates
 from twin.evaluation.method import Method, as_method, make_case
 from twin.evaluation.protocol import Protocol
-from twin.evaluation.reading import (
-    chosen_measurements,
-    common_variance,
-    evaluation_record,
-    recorded_variance,
-)
+from twin.evaluation.reading import chosen_measurements, common_variance, evaluation_record, recorded_variance
 from twin.export.export import named_files
 from twin.measured.folder import write_measured
 from twin.recording import episode_files, read_episode

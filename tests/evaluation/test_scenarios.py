@@ -1,14 +1,7 @@
 import numpy as np
 import pytest
 
-from twin.evaluation.scenarios import (
-    RANDOMIZED,
-    STROKES_MM,
-    commands,
-    members,
-    scenarios,
-    write_scenarios,
-)
+from twin.evaluation.scenarios import RANDOMIZED, STROKES_MM, commands, members, scenarios, write_scenarios
 from twin.preset.file import load_preset
 from twin.preset.randomization import load_ranges
 from twin.recording import read_dataset

@@ -18,10 +18,7 @@ from twin.identification.nuisances import (
 
 TIME = np.arange(240) * 0.05
 DELAY = 0.13
-MODELS = [
-    ColemanHodgdon(0.4, 12.0, 7.0),
-    BoucWen(12.0, -14.0, 0.5, 1.2, 1.6),
-]
+MODELS = [ColemanHodgdon(0.4, 12.0, 7.0), BoucWen(12.0, -14.0, 0.5, 1.2, 1.6)]
 PLAYS = PrandtlIshlinskii((3.0, 2.0, 4.0), (0.0, 0.4, 1.1))
 
 

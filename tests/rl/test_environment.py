@@ -4,10 +4,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env as check_gymnasium
 from stable_baselines3.common.env_checker import check_env as check_stable_baselines
 
-from rl.environment import (
-    BatchEnvironment,
-    EstimationEnvironment,
-)
+from rl.environment import BatchEnvironment, EstimationEnvironment
 from rl.registration import ENVIRONMENT_ID, register_environments
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import TrainingTask, stack_records

@@ -5,12 +5,7 @@ import pytest
 from scipy import stats
 from small_twins import TINY, generator, twins
 
-from rl.twins.members import (
-    UNEXPLAINED_DEG,
-    choose_members,
-    draw_members,
-    ensemble_unlikelihood,
-)
+from rl.twins.members import UNEXPLAINED_DEG, choose_members, draw_members, ensemble_unlikelihood
 from twin.reduced import simulate_batch
 from twin.signals.excitation import SIGNALS, command
 

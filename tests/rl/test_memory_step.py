@@ -21,12 +21,7 @@ def kalman_filter(keep, drive, increment, measurement, variance, T):
     means, covariances = [], []
     for kept, added, way, y in zip(keep, drive, np.abs(increment), measurement, strict=True):
         transition = np.array([[kept, T], [0.0, 1.0]])
-        growth = np.diag(
-            [
-                memory.GROWTH_DEG2_PER_MM * way + memory.GROWTH_PER_S * T,
-                memory.GROWTH_PER_S * T,
-            ]
-        )
+        growth = np.diag([memory.GROWTH_DEG2_PER_MM * way + memory.GROWTH_PER_S * T, memory.GROWTH_PER_S * T])
         mean = transition @ mean + [added, 0]
         covariance = transition @ covariance @ transition.T + growth
         if not np.isnan(y):

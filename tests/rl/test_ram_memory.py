@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from exported import said_by_both
 from small_twins import MODEL, TINY_MEMORY, small_memory_step, twins
 
 from rl.on_twins import train_ram_memory
@@ -26,13 +25,6 @@ def exported(path, loud=1.0):
     step = small_memory_step(loud=loud)
     export_with_model(step, {"agent": "ram-memory", "model": model_to_dict(MODEL)}, path)
     return step
-
-
-def test_the_estimator_says_what_the_step_says(tmp_path):
-    """Along whole records, for any number of them, where measurements are missing too."""
-    step = exported(tmp_path / "policy.onnx")
-    for found, wanted in said_by_both(step, load_estimator(tmp_path / "policy.onnx")):
-        np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=5e-3)
 
 
 def test_a_training_writes_what_it_was_and_a_finished_one_stays(trained):

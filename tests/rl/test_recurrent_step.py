@@ -10,11 +10,7 @@ from small_twins import generator, small_memory_source
 from rl.on_twins import RIVALS
 from rl.twins.filter_step import ALL
 from rl.twins.learning import filter_sequences
-from rl.twins.recurrent_step import (
-    GatedUnit,
-    LearnedGain,
-    RecursiveGain,
-)
+from rl.twins.recurrent_step import GatedUnit, LearnedGain, RecursiveGain
 
 SAMPLES = 30
 

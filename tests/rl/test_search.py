@@ -20,7 +20,7 @@ OPTIONS = TrainingOptions(agent="gru-twins", episodes=1, seed=2)
 
 @pytest.fixture
 def material():
-    return Material(simulated=Simulated(*twins(), noises=("gaussian",)))
+    return Material(simulated=Simulated(*twins(), {"noises": ("gaussian",)}))
 
 
 def trials_of(material, folder):

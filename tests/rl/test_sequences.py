@@ -11,8 +11,7 @@ from rl.twins.records import STRIDES, SequenceSource
 
 
 @pytest.mark.parametrize(
-    ("strides", "shares"),
-    [(STRIDES, (0.7, 0.15, 0.15)), ((1, 5), (0.7, 0.3)), ((2,), (1.0,))],
+    ("strides", "shares"), [(STRIDES, (0.7, 0.15, 0.15)), ((1, 5), (0.7, 0.3)), ((2,), (1.0,))]
 )
 def test_the_first_sample_time_is_met_most_often_and_the_others_alike(strides, shares):
     source, rng = dataclasses.replace(small_source(), strides=strides), generator(3)

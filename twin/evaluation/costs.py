@@ -10,7 +10,7 @@ import numpy as np
 
 from twin.episode import Record
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.trained_file import learned_parameters, read_trained_file
+from twin.estimation.learned.trained_file import read_trained_file
 from twin.evaluation.method import Filtering, Method
 from twin.files.run_folder import read_cost
 
@@ -30,10 +30,7 @@ class Cost:
 
 
 def method_costs(
-    methods: Sequence[Method],
-    record: Record,
-    files: Mapping[str, Sequence[Path]],
-    seed: int = 0,
+    methods: Sequence[Method], record: Record, files: Mapping[str, Sequence[Path]], seed: int = 0
 ) -> dict[str, Cost]:
     """Return the costs of each method along the first samples of a record, by its name.
 
@@ -50,7 +47,7 @@ def method_costs(
 def _learned(files: Sequence[Path]) -> tuple[int | None, float | None]:
     """Return the learned parameters and the mean time of a training run [s], as far as they are known."""
     took = [seconds for path in files if (seconds := read_cost(path.parent)) is not None]
-    counted = (learned_parameters(read_trained_file(path)) for path in files)
+    counted = (read_trained_file(path).parameters for path in files)
     parameters = next((count for count in counted if count is not None), None)
     return parameters, statistics.fmean(took) if took else None
 

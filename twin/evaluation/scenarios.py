@@ -116,12 +116,7 @@ def commands(stroke_mm: tuple[float, float], seconds: float, seed: int) -> dict[
 
 
 def members(
-    preset: Preset,
-    ranges: Ranges,
-    pull: Array,
-    count: int,
-    seed: int,
-    first: int = 0,
+    preset: Preset, ranges: Ranges, pull: Array, count: int, seed: int, first: int = 0
 ) -> list[Scenario]:
     """Return the drives of an ensemble along a command (N,) [m]: other draws from the ranges of the test.
 
@@ -138,9 +133,7 @@ def members(
 
 
 def simulate_drives(
-    drives: Sequence[Scenario],
-    on_sample: Callable[[int, int], None] | None = None,
-    physics: str = "mujoco",
+    drives: Sequence[Scenario], on_sample: Callable[[int, int], None] | None = None, physics: str = "mujoco"
 ) -> list[Episode | None]:
     """Simulate all drives in one batch, by one of the twins; None where a simulation diverged."""
     return simulate_batch(

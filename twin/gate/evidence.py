@@ -355,8 +355,5 @@ def _logged_stroke(logs: Sequence[Record]) -> Stroke | None:
     """Return the range of the pull in all logs [mm]."""
     if not logs:
         return None
-    low, high = (
-        min(float(log.pull_mm.min()) for log in logs),
-        max(float(log.pull_mm.max()) for log in logs),
-    )
+    low, high = (min(float(log.pull_mm.min()) for log in logs), max(float(log.pull_mm.max()) for log in logs))
     return (low, high) if low < high else None

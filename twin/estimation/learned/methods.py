@@ -20,10 +20,7 @@ Array = NDArray[np.float64]
 POLICY_FILE = "policy.onnx"
 ANGLE_LIMIT_DEG = 25.0  # largest change of the angle by direct RL in one sample
 ERROR_GAIN_LIMIT = 1.0  # largest K_RAM of the model error f [1 / s]
-OBSERVATIONS = {
-    "ram": {"phi": "sqrt(R)"},
-    "direct": {"y - theta": "deg", "increment of the pull": "mm"},
-}
+OBSERVATIONS = {"ram": {"phi": "sqrt(R)"}, "direct": {"y - theta": "deg", "increment of the pull": "mm"}}
 """What the policies of PPO see, by agent: name and unit."""
 ACTIONS = {
     "ram": {"K_RAM of the angle": "1", "K_RAM of the model's error": "1/s"},

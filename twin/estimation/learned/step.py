@@ -18,12 +18,7 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor, SingleForm, time_first
 from twin.estimation.knowledge import Case
 from twin.estimation.learned.reference import ESTIMATE, PREVIOUS, after
-from twin.estimation.learned.trained_file import (
-    PRECISIONS,
-    BoundFile,
-    TrainedFile,
-    check_network,
-)
+from twin.estimation.learned.trained_file import PRECISIONS, BoundFile, TrainedFile, check_network
 from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict
 

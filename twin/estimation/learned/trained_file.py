@@ -31,11 +31,10 @@ class TrainedFile:
     session: Any  # of ONNX Runtime, on one thread
     agent: str  # word that it was trained under
     description: dict[str, Any]  # model, sample time and configuration, as plain values
-    path: Path | None = None  # where it was read from; another process reads it there too
+    path: Path  # where it was read from; another process reads it there too
+    parameters: int | None  # how many numbers were learned, where the file states it
 
     def __reduce__(self) -> tuple[Any, ...]:
-        if self.path is None:
-            raise TypeError("a network that was not read from a file cannot be sent to another process")
         return read_trained_file, (self.path, self.agent)
 
     @functools.cached_property
@@ -102,22 +101,14 @@ def read_trained_file(path: Path, agent: str | None = None, trainer: str = "`end
         # From bytes: the file cannot name other files to load.
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
         values = parse_json_object(session.get_modelmeta().custom_metadata_map[METADATA_KEY], MOST_METADATA)
-        found = validated(TrainedDescription, values).agent
+        known = validated(TrainedDescription, values)
     except Exception as error:  # onnxruntime raises its own classes for a file that it cannot read
         reason = f": {cut(error)}" if isinstance(error, InputError) else ""
         raise InputError(f"{path} is not a trained file written by {trainer}{reason}") from error
-    if agent is not None and found != agent:
-        raise InputError(f"{path} holds the agent {shown(found)}, not {agent!r}")
+    if agent is not None and known.agent != agent:
+        raise InputError(f"{path} holds the agent {shown(known.agent)}, not {agent!r}")
     description = {name: value for name, value in values.items() if name != "agent"}
-    return TrainedFile(session, found, description, path)
-
-
-def learned_parameters(file: TrainedFile) -> int | None:
-    """Return how many numbers were learned; None where the file does not say it."""
-    from twin.files.json_text import validated
-    from twin.files.trained_schema import TrainedDescription
-
-    return validated(TrainedDescription, {**file.description, "agent": file.agent}).parameters
+    return TrainedFile(session, known.agent, description, path, known.parameters)
 
 
 def check_network(
