@@ -80,7 +80,7 @@ def run_calibration(args: Calibrate) -> Summary:
     )
     tried = structures(base, loops, args.free or None)
     seconds = foreseen_seconds(tried, loops, args.starts)
-    samples = sum(len(loop.pull) for loop in loops)
+    samples = sum(len(loop.seen) for loop in loops)
     complain(
         f"calibrate: {len(loops)} logs, {samples} samples of {loops[0].sample_time:g} s, "
         f"{len(tried[0].names)} parameters, {args.starts} starts: about {seconds:.0f} s"

@@ -1,19 +1,13 @@
 """Physics at a size that is too long for tests: work, divergence, fidelities, known endoscopes."""
 
+import dataclasses
 import time
 from collections.abc import Sequence
 
 import numpy as np
 
-from scripts.benchmarks.harness import (
-    SAMPLE_TIME,
-    Array,
-    OnProgress,
-    Result,
-    in_turn,
-    measurement,
-)
-from twin.calibration.logs import MeasuredLoop
+from scripts.benchmarks.harness import SAMPLE_TIME, Array, OnProgress, Result, in_turn, measurement
+from twin.calibration.logs import MeasuredLoop, measured_loop
 from twin.calibration.parameters import SIGNED, free_parameters
 from twin.calibration.search import Fit, calibrate
 from twin.calibration.uncertainty import UNKNOWN, uncertainty
@@ -205,26 +199,18 @@ def logs_of(truth: Preset, amplitude: float, rng: np.random.Generator) -> list[M
     """Return a noisy log at each bend of the sheath, with tensions, its angle with an offset."""
     time = np.arange(0, LOG_SECONDS, LOG_SAMPLE_TIME)
     pull = amplitude * np.where(time < LOG_PERIOD, 1.0, INNER) * np.sin(2 * np.pi * time / LOG_PERIOD)
-    everything = np.ones(len(time), bool)
     loops = []
     for bend in SHEATH_BENDS:
         episode = simulate(truth.replace(sheath_bend=bend), pull, LOG_SAMPLE_TIME)
         angle = episode.bend + OFFSET * rng.standard_normal() + ANGLE_NOISE * rng.standard_normal(len(time))
-        noise = FORCE_NOISE * truth.pretension * rng.standard_normal(episode.tension[:, :2].shape)
-        loops.append(
-            MeasuredLoop(
-                name=f"sheath bent by {bend:g} rad",
-                sample_time=LOG_SAMPLE_TIME,
-                pull=pull,
-                bend=angle,
-                tension=episode.tension[:, :2] + noise,
-                sheath_bend=bend,
-                fitted=everything,
-                seen=everything,
-                offset=True,
-                timed=True,
-            )
+        noise = FORCE_NOISE * truth.pretension * rng.standard_normal((len(time), 2))
+        log = dataclasses.replace(
+            episode,
+            measured_bend=angle,
+            wire_tension=(episode.tension[:, :2] + noise)[..., None],
+            metadata={"source": "measured"},
         )
+        loops.append(measured_loop(log, f"sheath bent by {bend:g} rad", LOG_SAMPLE_TIME))
     return loops
 
 

@@ -16,12 +16,12 @@ from twin.recording import write_episode
 def test_grid_keeps_the_loop_and_a_phase_gets_a_pace():
     episode = recorded()
     slow = measured_loop(episode, "slow", SAMPLE_TIME, pace=0.5)
-    assert len(slow.pull) == pytest.approx(2 * len(episode.time), abs=2)
-    np.testing.assert_allclose(slow.pull[::2][:50], episode.pull[:50], atol=1e-9)
+    assert len(slow.episode.pull) == pytest.approx(2 * len(episode.time), abs=2)
+    np.testing.assert_allclose(slow.episode.pull[::2][:50], episode.pull[:50], atol=1e-9)
     phased = Episode(**(vars(episode) | {"metadata": {"seconds_per_cycle": 4.0}}))
-    assert len(measured_loop(phased, "phases", SAMPLE_TIME).pull) == len(slow.pull)
+    assert len(measured_loop(phased, "phases", SAMPLE_TIME).seen) == len(slow.episode.pull)
     half = measured_loop(episode, "half", SAMPLE_TIME, fraction=0.5)
-    assert half.fitted.sum() == pytest.approx(len(half.pull) / 2, abs=1)
+    assert half.fitted.sum() == pytest.approx(len(half.seen) / 2, abs=1)
     assert half.fitted[0]
     assert not half.fitted[-1]
 
@@ -85,7 +85,7 @@ def test_missing_samples_are_not_fitted():
     loop = measured_loop(holed, "holed", 0.05)
     assert not loop.fitted[101:139].any()
     assert loop.fitted[:100].all()
-    assert np.isfinite(loop.bend).all()
+    assert np.isfinite(loop.episode.bend).all()
     nearly = dataclasses.replace(holed, measured_bend=np.where(np.arange(len(time)) < 9, bend, np.nan))
     with pytest.raises(ValueError, match=r"holed: 9 measured samples .*: needs at least 10"):
         measured_loop(nearly, "holed", 0.05)

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from calibrating import TRUTH, loops, noisy
+from calibrating import TRUTH, changed, loops, noisy
 
 from twin.calibration import objective
 from twin.calibration.objective import (
@@ -23,7 +23,7 @@ def test_truth_costs_nothing_and_residuals_are_in_units_of_the_bars():
     assert (residuals([TRUTH], logs) ** 2).sum() < 1e-12
     off = TRUTH.replace(initial_bend=0.2)
     (episode,), values = predict([off], logs)[0], residuals([off], logs)[0]
-    bend = np.mean((episode.bend - logs[0].bend) ** 2) / BEND_SCALE**2
+    bend = np.mean((episode.bend - logs[0].episode.bend) ** 2) / BEND_SCALE**2
     share = TENSION_SHARE * np.ptp(logs[0].tension)
     tension = np.mean((episode.tension - logs[0].tension) ** 2) / share**2
     assert (values**2).sum() == pytest.approx(bend + tension)
@@ -33,7 +33,9 @@ def measured_higher(origins, degrees):
     """Return logs of the true endoscope by sensors whose zeros are unknown, that read so much too high."""
     (log,) = loops(0.5)
     return [
-        dataclasses.replace(log, offset=True, origin=origin, bend=log.bend + np.radians(high))
+        dataclasses.replace(
+            changed(log, bend=log.episode.bend + np.radians(high)), offset=True, origin=origin
+        )
         for origin, high in zip(origins, degrees, strict=True)
     ]
 

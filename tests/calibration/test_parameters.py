@@ -1,10 +1,8 @@
 """Fitted parameters: their choice, their first guess, and the numbers of the search."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from calibrating import SAMPLE_TIME, TRUTH, loops, recorded
+from calibrating import SAMPLE_TIME, TRUTH, changed, loops, recorded
 
 from twin.calibration import MeasuredLoop, free_parameters, measured_loop
 from twin.calibration.parameters import DEFAULT, FROM_NOTHING, first_guess
@@ -52,7 +50,9 @@ def held(pull, bend, difference):
     """Return a log in which wires pull with a difference of their tensions [N]."""
     tension = 5.0 + np.stack([difference, -difference], axis=1) / 2
     everything = np.ones(len(pull), bool)
-    return MeasuredLoop("held", SAMPLE_TIME, pull, bend, tension, 0.0, everything, everything)
+    nothing, time = np.empty((len(pull), 2, 0)), SAMPLE_TIME * np.arange(len(pull))
+    episode = Episode(time, pull, bend, bend, nothing[:, 0], tension[..., None], nothing)
+    return MeasuredLoop("held", episode, everything, everything)
 
 
 def test_first_guess_tells_stretched_wires_from_a_wide_section():
@@ -66,7 +66,7 @@ def test_first_guess_tells_stretched_wires_from_a_wide_section():
 
 def test_without_load_cells_no_force_is_guessed():
     bend = np.linspace(0, 1, 200)
-    blind = dataclasses.replace(held(5e-3 * bend, bend, bend), tension=np.empty((200, 0)))
+    blind = changed(held(5e-3 * bend, bend, bend), tension=np.empty((200, 0)))
     guess = first_guess(TRUTH, [blind])
     assert guess.pop("wire_offset") == pytest.approx(5e-3)
     assert guess == {name: value for name, value in FROM_NOTHING.items() if getattr(TRUTH, name) == 0}

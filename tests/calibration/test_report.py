@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from calibrating import changed
 
 from twin.calibration import compared, figure, uncertainty
 from twin.calibration.compared import compare
@@ -26,7 +27,7 @@ def test_report_compares_with_each_log_and_draws_it(fitted):
     axes = fit_figure(both).axes
     assert len(axes) == 6  # bend, error and tension of each
     measured, simulated = (line.get_ydata() for line in axes[0].lines)
-    np.testing.assert_allclose(measured, np.degrees(logs[0].bend))
+    np.testing.assert_allclose(measured, np.degrees(logs[0].episode.bend))
     np.testing.assert_allclose(simulated, np.degrees(both[0].episode.bend), atol=0.05)
     np.testing.assert_allclose(axes[2].lines[-1].get_ydata(), simulated - measured, atol=1e-9)
 
@@ -40,7 +41,7 @@ def test_preset_is_written_whatever_the_report_cannot_say(fitted, tmp_path, monk
     _, logs, fit, _ = fitted
     if trouble == "slack wire":
         odd = r"$\frac$ {{<b>"
-        logs = [dataclasses.replace(log, tension=log.tension * [1, 0], name=odd) for log in logs]
+        logs = [dataclasses.replace(changed(log, tension=log.tension * [1, 0]), name=odd) for log in logs]
         monkeypatch.setattr(figure, "MOST_DRAWN", 1)
     if trouble == "diverges":
         simulated = compared.predict

@@ -4,9 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from calibrating import changed
 
 from twin.calibration.compared import rival_errors
 from twin.calibration.logs import MeasuredLoop
+from twin.episode import Episode
 from twin.hysteresis import MODELS, BoucWen, ColemanHodgdon, PrandtlIshlinskii
 
 STEP = 0.05
@@ -19,17 +21,20 @@ TRUTH = {
 }
 
 
+def made(pull, bend, sheath: float | None = None) -> Episode:
+    nothing = np.empty((len(pull), 2, 0))
+    sheath_bend = np.empty(0) if sheath is None else np.full(len(pull), sheath)
+    time = STEP * np.arange(len(pull))
+    return Episode(time, pull, bend, bend, nothing[:, 0], nothing, nothing, sheath_bend=sheath_bend)
+
+
 def log_of(
     name: str, pull: np.ndarray = PULL, *, zero: float = 0.0, bend: float | None = 0.0, **more
 ) -> MeasuredLoop:
     """A log that one of the models made, its angle `zero` degrees too high."""
     fields = {
         "name": name,
-        "sample_time": STEP,
-        "pull": pull * 1e-3,
-        "bend": np.radians(TRUTH[name].response(pull, 0.0) + zero),
-        "tension": np.empty((len(pull), 0)),
-        "sheath_bend": bend,
+        "episode": made(pull * 1e-3, np.radians(TRUTH[name].response(pull, 0.0) + zero), bend),
         "fitted": np.ones(len(pull), bool),
         "seen": np.ones(len(pull), bool),
         "offset": True,
@@ -52,7 +57,7 @@ def test_a_model_finds_itself_whatever_the_zero_of_the_angle(name):
 @pytest.mark.parametrize("name", MODELS)
 def test_a_delay_of_the_command_is_found_where_times_were_recorded(name):
     late = log_of(name, np.interp(TIME - 0.15, TIME, PULL))
-    late = dataclasses.replace(late, pull=PULL * 1e-3)
+    late = changed(late, pull=PULL * 1e-3)
     blind, timed = (
         rival_errors(name, [dataclasses.replace(late, timed=timed)], 0)[0] for timed in (False, True)
     )
@@ -63,7 +68,8 @@ def test_a_delay_of_the_command_is_found_where_times_were_recorded(name):
 def test_only_the_fitted_part_is_learned_from():
     half = np.arange(len(TIME)) < len(TIME) // 2
     whole = log_of("coleman-hodgdon", fitted=half)
-    other = dataclasses.replace(whole, bend=np.where(half, whole.bend, whole.bend + 0.3))
+    bend = whole.episode.bend
+    other = changed(whole, bend=np.where(half, bend, bend + 0.3))
     first, second = (rival_errors("coleman-hodgdon", [log], seed=0)[0] for log in (whole, other))
     np.testing.assert_allclose(second, np.where(half, first, first - 0.3), atol=1e-12)
     assert rmse_deg(first) < 0.02
@@ -72,19 +78,20 @@ def test_only_the_fitted_part_is_learned_from():
 def test_each_bend_of_the_sheath_has_its_own_model_and_the_nearest_predicts_another():
     straight = log_of("coleman-hodgdon", bend=0.0)
     bent = log_of("coleman-hodgdon", bend=3.0)
-    bent = dataclasses.replace(bent, bend=bent.bend / 2)
-    unseen = dataclasses.replace(bent, sheath_bend=2.0).only_predicted()
+    bent = changed(bent, bend=bent.episode.bend / 2)
+    unseen = changed(bent, sheath_bend=np.full(len(TIME), 2.0)).only_predicted()
     errors = rival_errors("coleman-hodgdon", [straight, unseen, bent], seed=0)
     assert [rmse_deg(error) < 0.02 for error in errors] == [True] * 3
-    far = dataclasses.replace(unseen, sheath_bend=1.0)
+    far = changed(unseen, sheath_bend=np.full(len(TIME), 1.0))
     assert rmse_deg(rival_errors("coleman-hodgdon", [straight, far, bent], seed=0)[1]) > 2
 
 
 def test_a_lateral_plane_is_fitted_alone_and_without_motion_nothing_is_said():
     log = log_of("coleman-hodgdon")
-    sideways = dataclasses.replace(log, lateral_bend=log.bend, lateral_pull=log.pull, bend=0 * log.bend)
+    bend, pull = log.episode.bend, log.episode.pull
+    sideways = changed(log, lateral_bend=bend, lateral_pull=pull, bend=0 * bend)
     assert rmse_deg(rival_errors("coleman-hodgdon", [sideways, log], 0, plane=1)[0]) < 0.02
     assert rival_errors("coleman-hodgdon", [sideways, log], 0, plane=1)[1] is None
-    still = dataclasses.replace(log, lateral_bend=log.bend)
+    still = changed(log, lateral_bend=bend)
     assert rival_errors("coleman-hodgdon", [still], 0, plane=1) == [None]
     assert rival_errors("coleman-hodgdon", [log.only_predicted()], 0) == [None]

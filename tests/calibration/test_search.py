@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from calibrating import SAMPLE_TIME, TRUTH, loops, noisy, recorded, start_of
+from calibrating import SAMPLE_TIME, TRUTH, changed, loops, noisy, recorded, start_of
 from pickles import planted_pickle
 
 from twin.calibration import calibrate, free_parameters, measured_loop, search, with_slack
@@ -134,7 +134,7 @@ def test_a_walk_ends_in_the_lower_of_two_valleys(problem, monkeypatch, side):
 def test_wires_with_slack_are_chosen_where_the_logs_show_a_plateau():
     slack = TRUTH.replace(wire_slack=8e-4, command_zero=3e-4)
     logs = [measured_loop(recorded(slack, cycles=2.3), "slack", SAMPLE_TIME)]
-    logs = [dataclasses.replace(log, tension=np.empty((len(log.pull), 0))) for log in logs]
+    logs = [changed(log, tension=np.empty((len(log.seen), 0))) for log in logs]
     names = ("joint_friction", "wire_offset", "wire_stiffness", "pretension")
     taut = free_parameters(start_of(wire_stiffness=2e3), logs, names)
     fit = calibrate([taut, with_slack(taut)], logs, seed=0, starts=4)

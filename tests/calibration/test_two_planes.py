@@ -69,7 +69,7 @@ def test_both_planes_are_fitted_reported_and_drawn(simulated, tmp_path):
     axes = fit_figure([one, dataclasses.replace(other, episode=None, errors=nothing)]).axes
     assert len(axes) == 8  # bend and error, in two planes, of two logs
     measured, twin = axes[4].lines
-    np.testing.assert_allclose(measured.get_ydata(), np.degrees(loops[0].lateral_bend))
+    np.testing.assert_allclose(measured.get_ydata(), np.degrees(loops[0].episode.lateral_bend))
     np.testing.assert_allclose(twin.get_ydata(), measured.get_ydata(), atol=1e-6)
     np.testing.assert_allclose(measured.get_xdata(), 2 * np.cos(PHASE))
     assert [len(axis.lines) for axis in axes] == [2, 1, 2, 1, 2, 1, 2, 1]

@@ -37,15 +37,21 @@ def loops(*bends: float) -> list[MeasuredLoop]:
     return [measured_loop(recorded(sheath_bend=bend), f"{bend:g} rad", SAMPLE_TIME) for bend in bends]
 
 
+def changed(log: MeasuredLoop, **arrays: np.ndarray) -> MeasuredLoop:
+    """A log with other arrays of its episode; `tension` of wires a and b is (N, 2) or (N, 0)."""
+    if (tension := arrays.pop("tension", None)) is not None:
+        arrays["wire_tension"] = tension.reshape(len(tension), 2, -1)
+    return dataclasses.replace(log, episode=dataclasses.replace(log.episode, **arrays))
+
+
 def noisy(angle: float, force: float) -> list[MeasuredLoop]:
     """Two logs of the truth whose channels have noise of these deviations [rad, N]."""
     rng = np.random.default_rng(5)
     return [
-        dataclasses.replace(
-            log,
-            bend=log.bend + angle * rng.standard_normal(log.bend.shape),
+        changed(
+            dataclasses.replace(log, offset=True),
+            bend=log.episode.bend + angle * rng.standard_normal(log.episode.bend.shape),
             tension=log.tension + force * rng.standard_normal(log.tension.shape),
-            offset=True,
         )
         for log in loops(0.0, 1.0)
     ]

@@ -18,8 +18,7 @@ from twin.preset.preset import Preset
 Array = NDArray[np.float64]
 
 GENERATIONS = 40  # of the genetic algorithms: they find the basin, least squares goes to its bottom
-TWIN = "twin"
-"""Name of the twin among those that are compared."""
+TWIN = "twin"  # name of the twin among those that are compared
 
 
 def rival_errors(name: str, loops: Sequence[MeasuredLoop], seed: int, plane: int = 0) -> list[Array | None]:
@@ -46,7 +45,6 @@ def rival_errors(name: str, loops: Sequence[MeasuredLoop], seed: int, plane: int
 
 
 def _errors_of(name: str, loops: Sequence[MeasuredLoop], seed: int, plane: int) -> list[Array | None]:
-    """Return the errors of one model, fitted to logs of one bend."""
     logs = _logs(loops, plane, centred=name != PrandtlIshlinskii.name)
     fitted = [log for log in logs if log is not None and log.pieces]
     step = loops[0].sample_time
@@ -105,17 +103,13 @@ def _logs(loops: Sequence[MeasuredLoop], plane: int, *, centred: bool) -> list[L
 class Compared:
     """Log, with the errors of the twin and its rivals.
 
-    Attributes:
-        loop: the log.
-        episode: its simulation; None where it diverged.
-        errors: for each bending plane, simulated less measured angle by name, (N,) [rad]; None where there is
-            nothing to compare. Offsets of a fitted log's angle are taken off, of the twin's those that the
-            fit allows.
-        offsets: of the twin in each plane [rad], less what windows of a file share; zero if not fitted.
+    `errors` are, for each bending plane, simulated less measured angle by name, (N,) [rad]; None where there
+    is nothing to compare. Offsets of a fitted log's angle are taken off, of the twin's those that the fit
+    allows: `offsets` in each plane [rad], less what windows of a file share; zero if not fitted.
     """
 
     loop: MeasuredLoop
-    episode: Episode | None
+    episode: Episode | None  # its simulation; None where it diverged
     errors: tuple[Mapping[str, Array | None], ...]
     offsets: tuple[float, ...]
 

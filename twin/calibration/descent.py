@@ -73,8 +73,7 @@ class Valley:
 
 ALONG = ("joint_friction_taper", "section_stiffness", "joint_friction")
 """Parameters to walk along; the first that is fitted is taken."""
-STRIDES = (0.1, 0.03)
-"""Length of a step on the scale of the search, of each walk."""
+STRIDES = (0.1, 0.03)  # length of a step on the scale of the search, of each walk
 FARTHEST = 10  # most steps to a side
 TOO_HIGH = 1.5  # cost at which a walk ends, times the lowest that it met
 
@@ -137,14 +136,9 @@ def secants(
     variance: float,
     bounds: tuple[Array, Array],
 ) -> Array:
-    """Return the derivative of the residuals at a point (P,), by secants over its uncertainty, (R, P).
+    """Return the derivative of the residuals (points, R) at a point (P,), by secants over its uncertainty.
 
-    Args:
-        residuals: of points (P,) of the search space, (points, R).
-        numbers: the point.
-        around: an estimate of the derivative, which gives the axes (R, P).
-        variance: of a residual.
-        bounds: lowest and highest point, (P,) each.
+    `around` is an estimate of the derivative (R, P), which gives the axes, `variance` that of a residual.
     """
     _, gains, axes = np.linalg.svd(np.nan_to_num(around), full_matrices=False)
     longest = np.abs(axes).max(axis=1)  # of the unit vectors: between 1 / sqrt(P) and 1

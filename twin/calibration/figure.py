@@ -20,11 +20,7 @@ _RIVALS = {
     "bouc-wen": ("#b9811f", (0, (3, 1.2, 1, 1.2))),
     "prandtl-ishlinskii": ("#3b7d5d", (0, (1, 1))),
 }
-_LABELS = {
-    "bend": "bending angle [deg]",
-    "error": "error [deg]",
-    "tension": "tension at the pulley [N]",
-}
+_LABELS = {"bend": "bending angle [deg]", "error": "error [deg]", "tension": "tension at the pulley [N]"}
 
 
 def fit_figure(logs: Sequence[Compared]) -> Figure:
@@ -86,7 +82,6 @@ def _draw_row(row: str, axes: Sequence[Axes], logs: Sequence[Compared]) -> None:
 
 
 def _title(log: Compared, plane: int) -> str:
-    """Return the name of a log and what of it was fitted or predicted how well."""
     errors = errors_deg(log.errors[plane][TWIN], log.loop)
     parts = []
     if errors["rmse_deg"] is not None:
@@ -150,7 +145,7 @@ def _draw_error(axis: Axes, log: Compared, plane: int) -> None:
 
 
 def _draw_tension(axis: Axes, log: Compared) -> None:
-    pull = log.loop.pull * 1e3
+    pull = log.loop.episode.pull * 1e3
     colour = _FITTED if log.loop.fitted.any() else _PREDICTED
     for index, line in enumerate(("-", (0, (4, 1.5)))[: log.loop.tension.shape[1]]):
         axis.plot(pull, log.loop.tension[:, index], color=_MEASURED, lw=2.0, ls=line)

@@ -1,7 +1,6 @@
 """Preparation of measured logs for calibration: checks, resampling to an even grid, playback speed."""
 
 import collections
-import contextlib
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -34,40 +33,38 @@ SIMULATED_SECONDS_PER_CYCLE = 8.0
 
 @dataclasses.dataclass(frozen=True)
 class MeasuredLoop:
-    """Measured log on an even time grid.
+    """Measured log on an even time grid, and what a calibration adds to it."""
 
-    Attributes:
-        name: name of the log in messages.
-        sample_time: time between two samples [s].
-        pull: commanded pulling distance, (N,) [m].
-        bend: measured bending angle, (N,) [rad].
-        tension: measured tension of wires a and b at the pulley, (N, 2) [N]; (N, 0) without load cells.
-        sheath_bend: bend angle of the sheath [rad]; None if the log does not state it.
-        fitted: mask of the samples that are fitted, (N,); the others are only predicted.
-        seen: mask of the samples that were measured, (N,).
-        offset: whether the zero of the angle is unknown, as that of a measured one is.
-        timed: whether its times were recorded; a log of phases has none.
-        lateral_pull: commanded pulling distance of wire c, (N,) [m]; (0,) with one bending plane.
-        lateral_bend: measured bending angle in that plane, (N,) [rad]; (0,) if there is none.
-        scales: error of each channel that costs 1, its angles before its tensions, (C,) [rad, N]; (0,)
-            for the usual ones.
-        origin: of a window, the file that it was cut from; see `file_of_window`.
-    """
-
-    name: str
-    sample_time: float
-    pull: Array
-    bend: Array
-    tension: Array
-    sheath_bend: float | None
-    fitted: NDArray[np.bool_]
-    seen: NDArray[np.bool_]
-    offset: bool = False
-    timed: bool = False
-    lateral_pull: Array = dataclasses.field(default_factory=lambda: np.empty(0))
-    lateral_bend: Array = dataclasses.field(default_factory=lambda: np.empty(0))
+    name: str  # of the log in messages
+    episode: Episode  # its `bend` is the measured one, linear where it is missing
+    fitted: NDArray[np.bool_]  # mask of the samples that are fitted, (N,); the others are only predicted
+    seen: NDArray[np.bool_]  # mask of the samples that were measured, (N,)
+    offset: bool = False  # whether the zero of the angle is unknown, as that of a measured one is
+    timed: bool = False  # whether its times were recorded; a log of phases has none
+    # error of each channel that costs 1, angles before tensions, (C,) [rad, N]; (0,) for the usual ones
     scales: Array = dataclasses.field(default_factory=lambda: np.empty(0))
-    origin: str | None = None
+    origin: str | None = None  # of a window, the file that it was cut from; see `file_of_window`
+
+    @property
+    def sample_time(self) -> float:
+        """Time between two samples [s]."""
+        return self.episode.sample_time
+
+    @property
+    def tension(self) -> Array:
+        """Measured tension of wires a and b at the pulley, (N, 2) [N]; (N, 0) without load cells."""
+        return self.episode.wire_tension[:, :2, 0:1].reshape(len(self.episode.time), -1)
+
+    @property
+    def sheath_bend(self) -> float | None:
+        """Bend angle of the sheath [rad]; None if the log does not state it."""
+        bend = self.episode.sheath_bend
+        return float(bend[0]) if bend.size else None
+
+    @property
+    def planes(self) -> int:
+        """Number of bending planes whose angle was measured."""
+        return 1 + (self.episode.lateral_bend.size > 0)
 
     def only_predicted(self) -> "MeasuredLoop":
         """Return the log with no fitted sample, for prediction only."""
@@ -75,17 +72,12 @@ class MeasuredLoop:
 
     def pull_in(self, plane: int) -> Array:
         """Return the command of a bending plane, (N,) [m]; zero in one that has none."""
-        pull = self.lateral_pull if plane else self.pull
-        return pull if pull.size else np.zeros_like(self.pull)
+        pull = self.episode.lateral_pull if plane else self.episode.pull
+        return pull if pull.size else np.zeros_like(self.episode.pull)
 
     def bend_in(self, plane: int) -> Array:
         """Return the measured angle in a bending plane, (N,) [rad]; (0,) if there is none."""
-        return self.lateral_bend if plane else self.bend
-
-    @property
-    def planes(self) -> int:
-        """Number of bending planes whose angle was measured."""
-        return 1 + (self.lateral_bend.size > 0)
+        return self.episode.lateral_bend if plane else self.episode.bend
 
 
 def thinned(
@@ -122,14 +114,8 @@ def measured_loop(
     """Check a log and resample it linearly to an even grid; missing measurements are not fitted.
 
     A window of a longer record (`window` in its metadata) need not move or reverse: `check_windows` asks that
-    of all windows together.
-
-    Args:
-        episode: the log; its measured bending angle is what counts.
-        name: name of the log in messages.
-        sample_time: of the grid [s].
-        pace: playback speed relative to the recording, 1 by default; a log of phases has its own.
-        fraction: share of the log, from its start, that is fitted.
+    of all windows together. `pace` is the playback speed relative to the recording, 1 by default; a log of
+    phases has its own. The first `fraction` of the log is fitted.
     """
     speed = _pace(episode, pace)
     if episode.sheath_bend.size and np.ptp(episode.sheath_bend) > 1e-3:
@@ -162,19 +148,17 @@ def measured_loop(
         if highest > limit:
             raise InputError(f"{name}: {what} of {highest:.3g} {unit}: must be within {limit:g}")
     if episode.metadata.get("window") is None:
-        check_motion(pull[fitted], name)
+        if fault := _wrong_motion(pull[fitted]):
+            raise InputError(f"{name}: {fault}")
         check_angle(pull[fitted], bend[fitted], name)
         if lateral_pull.size and lateral_bend.size:
             check_angle(lateral_pull[fitted], lateral_bend[fitted], name, lateral=True)
     if tension.size and np.ptp(tension) < LEAST_TENSION:
         raise InputError(f"{name}: the tensions do not change: import it without them")
-    sheath_bend = float(episode.sheath_bend[0]) if episode.sheath_bend.size else None
     return MeasuredLoop(
-        *(name, sample_time, pull, bend, tension, sheath_bend, fitted, seen),
+        *(name, dataclasses.replace(even, bend=bend), fitted, seen),
         offset=episode.is_measured,
         timed=episode.is_measured and not episode.metadata.get("seconds_per_cycle"),
-        lateral_pull=lateral_pull,
-        lateral_bend=lateral_bend,
         origin=file_of_window(episode),
     )
 
@@ -207,20 +191,20 @@ def check_angle(pull: Array, bend: Array, name: str, *, lateral: bool = False) -
         )
 
 
-def check_motion(pull: Array, name: str) -> None:
-    """Refuse a command (N,) [m] that does not move, or never turns back."""
+def _wrong_motion(pull: Array) -> str:
+    """Return the fault of a command (N,) [m] that does not move, or never turns back; empty if it does."""
     span = np.ptp(pull)
     if span < LEAST_MOTION:
-        raise InputError(f"{name}: the command moves by {span * 1e3:.2g} mm: nothing to calibrate on")
+        return f"the command moves by {span * 1e3:.2g} mm: nothing to calibrate on"
     # The farthest way back from the highest, or up from the lowest, point so far.
     back = (np.maximum.accumulate(pull) - pull).max()
     forth = (pull - np.minimum.accumulate(pull)).max()
     if min(back, forth) < 0.05 * span:
-        raise InputError(f"{name}: the command never reverses: friction shows only on the way back")
+        return "the command never reverses: friction shows only on the way back"
+    return ""
 
 
-Record = tuple[Path, Episode]
-"""A log, and the path that it was read from."""
+Record = tuple[Path, Episode]  # a log, and the path that it was read from
 
 
 def first_windows(records: Sequence[Record], fraction: float) -> tuple[list[Record], list[Record]]:
@@ -242,21 +226,15 @@ def check_windows(loops: Sequence[MeasuredLoop]) -> None:
     """
     for places in windows_of_files(loops):
         windows = [loops[place] for place in places]
-        if not any(_reverses(loop) for loop in windows):
-            check_motion(windows[0].pull[windows[0].fitted], windows[0].name)
+        moves = [_wrong_motion(loop.episode.pull[loop.fitted]) for loop in windows]
+        if all(moves):
+            raise InputError(f"{windows[0].name}: {moves[0]}")
         pull, bend = (_joined(windows, field) for field in ("pull", "bend"))
         check_angle(pull, bend, windows[0].name)
-        if all(loop.lateral_pull.size and loop.lateral_bend.size for loop in windows):
+        if all(loop.episode.lateral_pull.size and loop.episode.lateral_bend.size for loop in windows):
             pull, bend = (_joined(windows, field) for field in ("lateral_pull", "lateral_bend"))
             check_angle(pull, bend, windows[0].name, lateral=True)
 
 
 def _joined(loops: Sequence[MeasuredLoop], field: str) -> Array:
-    return np.concatenate([getattr(loop, field)[loop.fitted] for loop in loops])
-
-
-def _reverses(loop: MeasuredLoop) -> bool:
-    with contextlib.suppress(InputError):
-        check_motion(loop.pull[loop.fitted], loop.name)
-        return True
-    return False
+    return np.concatenate([getattr(loop.episode, field)[loop.fitted] for loop in loops])

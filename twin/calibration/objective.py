@@ -17,8 +17,7 @@ Array = NDArray[np.float64]
 
 BEND_SCALE = np.radians(1.0)  # error of the angle that costs 1 [rad]
 TENSION_SHARE = 0.1  # of their range: both tensions off by this cost 1 together
-PRIOR = 0.12
-"""Cost of a parameter at one usual distance from the first guess, as an error of the angle [deg]."""
+PRIOR = 0.12  # cost of a parameter at one usual distance from the first guess, as an error of the angle [deg]
 COMMON_COST = 0.25  # of a fit: where less is left unexplained, the first guess counts less
 OFFSET_SPREAD = np.radians(2.0)  # usual offset of an angle whose zero is not known [rad]
 _HOPELESS = 1e3  # residual of a candidate whose simulation failed
@@ -36,11 +35,12 @@ def predict(
         for preset in presets
         for loop in loops
     ]
+    logs = [loop.episode for _, loop in pairs]
     episodes = simulate_batch(
         [preset for preset, _ in pairs],
-        [loop.pull for _, loop in pairs],
+        [log.pull for log in logs],
         loops[0].sample_time,
-        lateral_pulls=[loop.lateral_pull if loop.lateral_pull.size else None for _, loop in pairs],
+        lateral_pulls=[log.lateral_pull if log.lateral_pull.size else None for log in logs],
         physics=physics,
         threads=threads,
     )
@@ -122,7 +122,7 @@ def bend_errors(episode: Episode | None, loop: MeasuredLoop) -> list[Array]:
     """Return how far the simulated bend is above the measured one in each plane, (N,) [rad]."""
     if episode is None:
         return []
-    pairs = [(episode.bend, loop.bend), (episode.lateral_bend, loop.lateral_bend)]
+    pairs = [(episode.bend, loop.episode.bend), (episode.lateral_bend, loop.episode.lateral_bend)]
     return [simulated - measured for simulated, measured in pairs if measured.size]
 
 
@@ -166,7 +166,6 @@ def shared_offsets(offsets: Sequence[Array | None], loops: Sequence[MeasuredLoop
 
 
 def _all_residuals(episodes: Sequence[Episode | None], loops: Sequence[MeasuredLoop], weight: float) -> Array:
-    """Return the residuals of one candidate against all logs."""
     errors = [bend_errors(episode, loop) for episode, loop in zip(episodes, loops, strict=True)]
     taken_off = offsets_taken_off(errors, loops)
     of_logs = zip(episodes, loops, errors, taken_off, strict=True)

@@ -35,9 +35,11 @@ def first_guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]
     guess = {name: value for name, value in FROM_NOTHING.items() if getattr(base, name) == 0}
     if len({loop.sheath_bend for loop in loops}) > 2:
         guess["sheath_friction_exponent"] = 2 / 3
-    moved = [loop for loop in loops if np.ptp(loop.pull) > LEAST_MOTION] or loops  # a window may stand still
+    moved = [
+        loop for loop in loops if np.ptp(loop.episode.pull) > LEAST_MOTION
+    ] or loops  # a window may stand still
     with_tension = [loop for loop in moved if loop.tension.size]
-    loop = max(with_tension or moved, key=lambda loop: np.ptp(loop.bend))  # the least friction of all
+    loop = max(with_tension or moved, key=lambda loop: np.ptp(loop.episode.bend))  # the least friction of all
     offset, stiffness = _kinematics(loop)
     guess["wire_offset"] = _inside("wire_offset", offset)
     if with_tension:
@@ -45,7 +47,7 @@ def first_guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]
         guess["pretension"] = _inside("pretension", max(at_start, 0.1))
         guess["wire_stiffness"] = _inside("wire_stiffness", stiffness)
         moment = np.ptp(loop.tension[:, 0] - loop.tension[:, 1]) * offset
-        guess["section_stiffness"] = _inside("section_stiffness", 0.5 * moment / np.ptp(loop.bend))
+        guess["section_stiffness"] = _inside("section_stiffness", 0.5 * moment / np.ptp(loop.episode.bend))
         guess["joint_friction"] = _inside("joint_friction", max(0.05 * moment, 1e-6))
         guess["sheath_friction_floor"] = 0.1 * guess["pretension"]
     return guess
@@ -57,14 +59,15 @@ def _kinematics(loop: MeasuredLoop) -> tuple[float, float]:
     pull = r bend + (T_a - T_b) / 2 k. Where load cells are missing or contradict, r is that of stiff wires,
     and k how fast a tension rises (0 without one).
     """
+    pull, bend = loop.episode.pull, loop.episode.bend
     if loop.tension.size:
         difference = (loop.tension[:, 0] - loop.tension[:, 1]) / 2
-        causes = np.stack([loop.bend, difference], axis=1)
-        offset, give = np.linalg.lstsq(causes - causes.mean(axis=0), loop.pull - loop.pull.mean())[0]
+        causes = np.stack([bend, difference], axis=1)
+        offset, give = np.linalg.lstsq(causes - causes.mean(axis=0), pull - pull.mean())[0]
         if offset > 0 and give > 0:
             return float(offset), float(1 / give)
-    stiffness = _slope(loop.tension[:, 0], loop.pull, 0.0) if loop.tension.size else 0.0
-    return 1 / _slope(loop.bend, loop.pull, 0.3), stiffness
+    stiffness = _slope(loop.tension[:, 0], pull, 0.0) if loop.tension.size else 0.0
+    return 1 / _slope(bend, pull, 0.3), stiffness
 
 
 def _slope(values: Array, pull: Array, least: float) -> float:
@@ -98,15 +101,10 @@ _FARTHEST = np.log(100.0)  # a positive parameter is searched up to a factor of 
 
 @dataclasses.dataclass(frozen=True)
 class FreeParameters:
-    """Fitted parameters of a preset and their scaling in the search space.
+    """Fitted parameters of a preset and their scaling in the search space."""
 
-    Attributes:
-        base: preset to start from; it gives every other parameter too.
-        names: names of the P fitted parameters.
-    """
-
-    base: Preset
-    names: tuple[str, ...]
+    base: Preset  # preset to start from; it gives every other parameter too
+    names: tuple[str, ...]  # names of the P fitted parameters
 
     @property
     def start(self) -> Array:
@@ -184,7 +182,7 @@ def free_parameters(
     """
     has_tension = any(loop.tension.size for loop in loops)
     bends = {round(loop.sheath_bend, 6) for loop in loops if loop.sheath_bend is not None}
-    if any(loop.lateral_pull.size for loop in loops):
+    if any(loop.episode.lateral_pull.size for loop in loops):
         base = base.replace(bending_planes=2)
     if names is None:
         needs = {

@@ -38,8 +38,7 @@ R = TypeVar("R")
 OnProgress = Callable[[int, int, float], None]
 """Called with the stages done, their total, and the lowest cost so far."""
 
-STATE = "calibration state"
-"""Kind of the state that an interrupted calibration leaves."""
+STATE = "calibration state"  # kind of the state that an interrupted calibration leaves
 
 
 class Stages:
@@ -94,25 +93,16 @@ class Stages:
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """Fitted preset, with residuals and Jacobian at the fit.
+    """Fitted preset, with residuals and Jacobian at the fit."""
 
-    Attributes:
-        free: the fitted parameters.
-        preset: the fitted preset.
-        cost: sum over logs of the mean square error of the twin in MuJoCo, in units of `residuals`.
-        reduced_cost: the same of the reduced twin, on which the search was made.
-        jacobian: derivative of the residuals with respect to the search space, (R, P).
-        residual: residuals, weighted as at the end of the search, (R,).
-        neighbours: points that walks met near the fit of the reduced twin, (K, 1 + P): rise of the cost, and
-            distance in the search space.
-    """
-
-    free: FreeParameters
-    preset: Preset
-    cost: float
-    reduced_cost: float
-    jacobian: Array
-    residual: Array
+    free: FreeParameters  # the fitted parameters
+    preset: Preset  # the fitted preset
+    cost: float  # sum over logs of the mean square error of the twin in MuJoCo, in units of `residuals`
+    reduced_cost: float  # the same of the reduced twin, on which the search was made
+    jacobian: Array  # derivative of the residuals with respect to the search space, (R, P)
+    residual: Array  # residuals, weighted as at the end of the search, (R,)
+    # points that walks met near the fit of the reduced twin, (K, 1 + P): rise of the cost, and distance in
+    # the search space
     neighbours: Array = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
 
 
@@ -182,8 +172,7 @@ def steady(preset: Preset, loops: Sequence[MeasuredLoop]) -> Preset:
 
 
 SCREENED = 40  # candidates that are tried for each start of least squares
-STARTS = 8
-"""Starts of least squares: valleys are many, and the best one by the fitted samples is taken."""
+STARTS = 8  # starts of least squares: valleys are many, and the best one by the fitted samples is taken
 FINISHED = 2  # the best starts, which are followed to the bottom
 LOWER = 0.9999  # share of the cost below which another valley is lower
 TURNS = 3  # most times that the first guess is given less weight, where the logs leave little unexplained
@@ -379,5 +368,7 @@ def _key(structures: Sequence[FreeParameters], loops: Sequence[MeasuredLoop], se
     for free in structures:
         inputs += [free.base.to_dict(), list(free.names)]
     for loop in loops:
-        inputs += vars(loop).values()
+        inputs += [loop.name, loop.sample_time, loop.pull_in(0), loop.pull_in(1), loop.bend_in(0)]
+        inputs += [loop.bend_in(1), loop.tension, loop.sheath_bend, loop.fitted, loop.seen, loop.scales]
+        inputs += [loop.offset, loop.timed, loop.origin]
     return state_key(*inputs)

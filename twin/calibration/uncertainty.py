@@ -13,25 +13,18 @@ from twin.preset.randomization import Ranges
 
 Array = NDArray[np.float64]
 
-UNKNOWN = 0.5
-"""Relative standard deviation above which a positive parameter counts as poorly known."""
+UNKNOWN = 0.5  # relative standard deviation above which a positive parameter counts as poorly known
 BLIND = 3.0  # above which it counts as unknown: a factor of 20
 ENTANGLED = 0.98  # correlation above which two parameters are known only in combination
 
 
 @dataclasses.dataclass(frozen=True)
 class Uncertainty:
-    """Standard deviations and correlations of fitted parameters.
+    """Standard deviations and correlations of fitted parameters."""
 
-    Attributes:
-        deviation: standard deviation of each parameter by name, in its own unit.
-        correlation: correlation of the estimates, (P, P).
-        warnings: one sentence for each parameter or pair that the logs do not determine.
-    """
-
-    deviation: dict[str, float]
-    correlation: Array
-    warnings: tuple[str, ...]
+    deviation: dict[str, float]  # standard deviation of each parameter by name, in its own unit
+    correlation: Array  # correlation of the estimates, (P, P)
+    warnings: tuple[str, ...]  # one sentence for each parameter or pair that the logs do not determine
 
 
 def uncertainty(fit: Fit) -> Uncertainty:
