@@ -12,7 +12,7 @@ from scripts.outputs import output_file
 from scripts.progress import Progress
 from twin.errors import InputError, require_extra
 
-SIZES = ("cycles", "draws", "known", "pairs", "episodes", "many_episodes")
+SIZES = ("cycles", "draws", "known", "episodes", "many_episodes")
 MOST = 100_000_000
 
 
@@ -34,8 +34,6 @@ class Benchmark(SeedIgnored):
     """Endoscopes drawn from the randomisation ranges."""
     known: int = 20
     """Known endoscopes that are calibrated on logs of their own."""
-    pairs: int = 200
-    """Of them that both twins simulate."""
     episodes: int = 64
     """Of 60 s, of the dataset that is made, weighed and read."""
     many_episodes: int = 1000

@@ -13,18 +13,22 @@ from matplotlib.figure import Figure
 REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(REPOSITORY))
 
+from scripts.benchmarks.harness import Array
 from scripts.benchmarks.physics import whole
-from scripts.benchmarks.reduced import LEAST_RANGE, Array, T, records
+from scripts.benchmarks.reduced import T
 from twin.files.atomic import write_whole
 from twin.preset.file import load_preset
 from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
 from twin.report.figures import INK, clean_axes, to_png_bytes
+from twin.signals.excitation import SIGNALS, command
 from twin.simulation import simulate_batch
 
 AMPLITUDE = {"ureteroscope": 4e-3, "vio_com": 1e-2}
 """Of the commands to each preset [m]."""
-PAIRS = 200
+PAIRS = 200  # drawn endoscopes, besides the preset itself along every kind of signal
+SECONDS = 20.0
+LEAST_RANGE = np.radians(45)  # that a difference is a share of: some drawn endoscopes hardly move [rad]
 PARTS = {1: "#b9501f", 2: "#2b6ca3", 8: INK}
 """Parts that MuJoCo's step is divided into, and their colours."""
 
@@ -38,10 +42,13 @@ class Worst(NamedTuple):
 
 
 def worst() -> Worst:
-    """Return the worst of the records that `endotwin benchmark --only reduced` compares in one plane."""
+    """Return the worst of the records of both presets and of endoscopes drawn about them."""
     found = []
     for name, amplitude in AMPLITUDE.items():
-        presets, pulls = records(load_preset(name), load_ranges(name), amplitude, PAIRS)
+        rng, kinds = np.random.default_rng(0), list(SIGNALS)
+        preset, ranges, stroke = load_preset(name), load_ranges(name), (-amplitude, amplitude)
+        presets = [preset] * len(kinds) + [ranges.draw(preset, rng) for _ in range(PAIRS)]
+        pulls = [command(kinds[k % len(kinds)], stroke, SECONDS, T, rng) for k in range(len(presets))]
         made = [whole(simulate_batch(presets, pulls, T, physics=p)) for p in ("mujoco", "reduced")]
         for preset, pull, mujoco, reduced in zip(presets, pulls, *made, strict=True):
             span = max(np.ptp(mujoco.bend), LEAST_RANGE)

@@ -130,7 +130,6 @@ def _peak_memory(preset: Preset, amplitude: float, episodes: int) -> float:
 
 
 def _write(recipe: Recipe, folder: Path, workers: int, on_progress: OnProgress) -> None:
-    """Write a dataset by worker processes."""
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
         write_dataset(recipe, folder, executor, workers=workers, on_progress=on_progress)
 

@@ -29,25 +29,16 @@ SAMPLE_TIME = 0.02  # time between two samples [s]
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """Measured figure of a benchmark.
+    """Measured figure of a benchmark."""
 
-    Attributes:
-        name: name of the figure.
-        value: measured value, in `unit`.
-        unit: unit of both values.
-        bar: required bound: "< 2 ms" of the value, "< 2 times ..." of its ratio, or words; empty without one.
-        kept: True if a bound in words holds.
-        peer: reference measured in the same run; None without one.
-        peer_value: measured value of the reference, in `unit`.
-    """
-
-    name: str
-    value: float
-    unit: str
+    name: str  # name of the figure
+    value: float  # measured value, in `unit`
+    unit: str  # unit of both values
+    # required bound: "< 2 ms" of the value, "< 2 times ..." of its ratio, or words; empty without one
     bar: str = ""
-    kept: bool | None = None
-    peer: str | None = None
-    peer_value: float | None = None
+    kept: bool | None = None  # True if a bound in words holds
+    peer: str | None = None  # reference measured in the same run; None without one
+    peer_value: float | None = None  # measured value of the reference, in `unit`
 
     @property
     def holds(self) -> bool:
@@ -65,17 +56,15 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry as `benchmark.json` holds it."""
-        entry = {
-            name: getattr(self, name) for name in ("value", "unit", "peer", "peer_value", "ratio", "bar")
-        }
-        return entry | {"holds": self.holds, "machine": f"{platform.machine()}, {os.cpu_count()} cores"}
+        names = ("value", "unit", "peer", "peer_value", "ratio", "bar", "holds")
+        machine = f"{platform.machine()}, {os.cpu_count()} cores"
+        return {name: getattr(self, name) for name in names} | {"machine": machine}
 
 
 _SIGNS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 Measurement = Callable[..., Result | dict[str, Result]]
 F = TypeVar("F", bound=Measurement)
-MEASUREMENTS: dict[str, Measurement] = {}
-"""Each measurement by its name: a result, or several."""
+MEASUREMENTS: dict[str, Measurement] = {}  # each measurement by its name: a result, or several
 
 
 def measurement(name: str) -> Callable[[F], F]:

@@ -117,7 +117,6 @@ def stream(policy: Path) -> dict[str, Result]:
 
 
 def _run_seconds(policy: Path, lines: list[bytes], folder: Path) -> float:
-    """Return the processor time of a run on a stream [s]."""
     samples = folder / "samples"
     samples.write_bytes(b"".join(lines))
     with samples.open("rb") as given:

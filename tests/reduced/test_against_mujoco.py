@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from twin.preset.file import load_preset
+from twin.preset.randomization import load_ranges
 from twin.signals.excitation import SIGNALS, command
 from twin.simulation import simulate_batch
 
@@ -45,6 +46,18 @@ def test_all_kinds_of_signals_agree(name):
         # Friction is that of the state here, there that of the control period before.
         np.testing.assert_allclose(reduced.sheath_friction, mujoco.sheath_friction, rtol=0.1, atol=5e-3)
         np.testing.assert_allclose(reduced.wire_slack, mujoco.wire_slack, atol=2e-5)
+
+
+@pytest.mark.parametrize("name", STROKES)
+def test_drawn_endoscopes_and_a_moving_sheath_agree(name):
+    rng, preset, ranges = np.random.default_rng(3), load_preset(name), load_ranges(name)
+    drawn = [ranges.draw(preset, rng) for _ in range(6)]
+    pulls = [command(kind, STROKES[name], 20.0, T, rng) for kind in (*SIGNALS, "sine")]
+    for mujoco, reduced in both(drawn, pulls[: len(drawn)]):
+        assert_close(mujoco, reduced)
+    moving = preset.sheath_bend * (1 + 0.8 * np.sin(np.arange(len(pulls[0])) * T / 3))
+    ((mujoco, reduced),) = both([preset], pulls[:1], sheath_bends=[moving])
+    assert_close(mujoco, reduced)
 
 
 def test_at_small_steps_and_slow_commands_hardly_anything_is_left():
