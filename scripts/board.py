@@ -22,49 +22,41 @@ class Board:
 
     def __init__(self, folders: Sequence[Path]):
         require_extra("tensorboard", "--tensorboard")
-        self._runs = [_Events(folder) for folder in folders]
+        self._last = dict.fromkeys(folders, -1)  # samples of the latest row that has been written
+        self._writers: dict[Path, EventFileWriter] = {}
 
     def __call__(self) -> None:
         """Write the rows that are new; a disk that is full is no reason to stop a training."""
-        for events in self._runs:
+        for folder in self._last:
             with contextlib.suppress(OSError):
-                events.follow()
+                self._follow(folder)
 
     def close(self) -> None:
         """End."""
-        for events in self._runs:
-            if events.writer is not None:
-                with contextlib.suppress(OSError):
-                    events.writer.close()
+        for writer in self._writers.values():
+            with contextlib.suppress(OSError):
+                writer.close()
 
-
-class _Events:
-    """Events of one run."""
-
-    def __init__(self, folder: Path):
-        self.curve, self.folder = folder / CURVE_FILE, folder / EVENTS_FOLDER
-        self.last = -1  # samples of the latest row that has been written
-        self.writer: EventFileWriter | None = None
-
-    def follow(self) -> None:
+    def _follow(self, folder: Path) -> None:
         from tensorboard.compat.proto.event_pb2 import Event
         from tensorboard.compat.proto.summary_pb2 import Summary
         from tensorboard.summary.writer.event_file_writer import EventFileWriter
 
-        if not self.curve.is_file():
+        if not (folder / CURVE_FILE).is_file():
             return
-        if self.writer is None:
-            for former in self.folder.glob("events.out.tfevents.*"):
+        if folder not in self._writers:
+            for former in (folder / EVENTS_FOLDER).glob("events.out.tfevents.*"):
                 former.unlink()
-            self.writer = EventFileWriter(str(self.folder))
-        with self.curve.open(newline="") as file:
-            rows = [row for row in csv.DictReader(file) if int(row["samples"]) > self.last]
+            self._writers[folder] = EventFileWriter(str(folder / EVENTS_FOLDER))
+        with (folder / CURVE_FILE).open(newline="") as file:
+            rows = [row for row in csv.DictReader(file) if int(row["samples"]) > self._last[folder]]
         for row in rows:
-            self.last = int(row.pop("samples"))
+            step = self._last[folder] = int(row.pop("samples"))
             values = [
                 Summary.Value(tag=f"training/{name}", simple_value=float(value))
                 for name, value in row.items()
                 if value and math.isfinite(float(value))
             ]
-            self.writer.add_event(Event(wall_time=time.time(), step=self.last, summary=Summary(value=values)))
-        self.writer.flush()
+            event = Event(wall_time=time.time(), step=step, summary=Summary(value=values))
+            self._writers[folder].add_event(event)
+        self._writers[folder].flush()

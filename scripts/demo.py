@@ -133,7 +133,6 @@ def _claimed_folder(path: Path, settings: dict[str, Any]) -> Path:
 
 
 def _run_side_by_side(commands: Sequence[str]) -> None:
-    """Run commands at the same time and wait for all of them; `InputError` where one failed."""
     running: list[subprocess.Popen[bytes]] = []
     try:
         for command in commands:

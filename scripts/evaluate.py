@@ -155,7 +155,6 @@ def _variance(args: Evaluate, recorded: bool) -> float | None:
 
 
 def _with_trainings(scores: "list[Score]", fmt: str, table: "Callable[[list[Score], str], str]") -> str:
-    """Return a table, and below it the spread between training runs, where a method has several."""
     from twin.report.tables import training_table
 
     return "\n\n".join(part for part in (table(scores, fmt), training_table(scores, fmt)) if part)
@@ -167,7 +166,6 @@ def _say(line: str) -> None:
 
 
 def _origin(args: Evaluate, model: Path | None) -> dict[str, Any]:
-    """Return the command of the results, and the hashes of all that they are made from."""
     from twin.files.origin import origin_of
 
     models = (path for path in (args.train, model) if path is not None)

@@ -39,11 +39,14 @@ class Export(SeedIgnored):
 
 def export(args: Export) -> Summary:
     """Write the folder."""
+    from twin.errors import require_extra
     from twin.export.export import Plan, export_records, named_files
     from twin.files.atomic import WholeFolder
 
     if args.columns == "all" and args.format != "csv":
         raise ValueError(f"--columns all is for --format csv, not {args.format}, which holds all there is")
+    if args.format == "parquet":
+        require_extra("parquet", "the format parquet")
     plan = Plan(args.format, args.columns == "all", args.sample_time, args.recover)
     files = named_files(args.data)
     whole = WholeFolder(args.out)

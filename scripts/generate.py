@@ -132,7 +132,6 @@ def _write(args: Generate, out: Path) -> Summary:
 
 
 def _changes(args: Generate) -> dict[str, Any]:
-    """Return the flags that are given, as the keys of a recipe's file."""
     from twin.preset.preset import parse_changes
     from twin.signals.excitation import SIGNALS
 

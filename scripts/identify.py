@@ -117,7 +117,6 @@ def _fitted_samples(samples: int, fraction: float) -> int:
 
 
 def _log(episode: "Episode", number: int, args: Identify) -> "Log":
-    """Return a record with the pieces that are fitted, and the nuisances that it has."""
     from twin.evaluation.reading import complete_ranges
     from twin.hysteresis import PrandtlIshlinskii
     from twin.identification.nuisances import Log, determines_delay
@@ -141,7 +140,6 @@ def _further_entries(
     logs: "Sequence[Log]",
     nuisances: "Nuisances",
 ) -> dict[str, Any]:
-    """Return the entries of the file about nuisances, and the error of the prediction."""
     from twin.evaluation.reading import complete_ranges
     from twin.identification.nuisances import rmse_from
 
@@ -165,7 +163,6 @@ def _further_entries(
 
 
 def _in_words(values: dict[str, Any]) -> str:
-    """Return these entries in the words of the summary."""
     words = ""
     if "fraction" in values:
         rest = f"{values['predicted_rmse_deg']:.3f} deg where it was not fitted"

@@ -10,8 +10,7 @@ from pathlib import Path
 from twin.errors import InputError
 from twin.files.atomic import MADE_BY, check_overwritable, claim
 
-_made: list[Path] = []
-"""Folders that this command has made."""
+_made: list[Path] = []  # folders that this command has made
 
 
 def output_folder(path: Path, files: Mapping[str, str] | None = None) -> Path:

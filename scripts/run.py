@@ -68,15 +68,11 @@ class Run:
 
 
 class Sinks:
-    """Several sinks as one; one that fails is left out from then on, and the stream goes on.
-
-    Attributes:
-        failed: number of those that failed.
-    """
+    """Several sinks as one; one that fails is left out from then on, and the stream goes on."""
 
     def __init__(self, *sinks: "Sink | None"):
         self._sinks = [sink for sink in sinks if sink is not None]
-        self.failed = 0
+        self.failed = 0  # number of those that failed
 
     def add(self, sample: "StreamSample") -> None:
         """Pass a sample to each."""
@@ -178,7 +174,6 @@ def _stream(args: Run) -> Summary:
 
 
 def _log(args: Run) -> Summary:
-    """Stream each episode of a log through a runtime of its own."""
     from twin.export.export import named_files
     from twin.live.log_run import SIGN, log_targets, read_logs, run_log
     from twin.live.reading import RunCounts
@@ -206,7 +201,6 @@ def _log(args: Run) -> Summary:
 
 
 def _prepared(args: Run) -> "Callable[[], AssuredEstimator]":
-    """Return the function that returns a runtime before its first sample."""
     from twin.live import prepare_runtime
 
     prepared = prepare_runtime(args.policy, sample_time=args.sample_time, noise_variance=args.noise_variance)
@@ -228,7 +222,6 @@ def _out(args: Run) -> dict[str, Any]:
 
 
 def _facts(args: Run, runtime: "AssuredEstimator") -> dict[str, Any]:
-    """Return what identifies the run, for the recording."""
     from twin.files.bounded import sha256_of
 
     return {

@@ -134,7 +134,6 @@ def train(args: Train) -> Summary:
 def _train_seeds(
     args: Train, count: int, material: "Material", options: TrainingOptions, source: str
 ) -> Summary:
-    """Train with several seeds side by side."""
     from rl.sweep import FOLDER as SEARCH_FOLDER
     from rl.sweep import (
         folder_of,

@@ -16,6 +16,8 @@ LARGEST_GRID = 10_000_000
 """Samples of an even grid: more come of a wrong time stamp, and would fill the memory."""
 
 WIRES = "abcd"  # names of the wires, by index: a against b in the first bending plane, c against d sideways
+WIRE_PLACES = {"a": (0.0, 1.0), "b": (0.0, -1.0), "c": (1.0, 0.0), "d": (-1.0, 0.0)}  # across, (y, z)
+WIRE_COLOURS = (0.83, 0.18, 0.13), (0.12, 0.38, 0.75), (0.16, 0.55, 0.28), (0.90, 0.58, 0.10)
 OPTIONAL = ("pulley", "sheath_bend", "wire_slack", "lateral_pull", "lateral_bend", "lateral_joint_angle")
 """Fields of an episode that may be empty: not recorded, or not there in one bending plane."""
 _COLUMNS = ("time", "pull_mm", "truth_deg", "measured_deg")  # of a `Record`

@@ -32,7 +32,7 @@ from twin.estimation.registry import find_training
 from twin.evaluation.compare import Comparison, compare
 from twin.evaluation.method import Filtering, Method
 from twin.evaluation.paper import noise_label
-from twin.evaluation.protocol import Condition, Protocol
+from twin.evaluation.protocol import Protocol
 from twin.evaluation.ranking import times_reference
 from twin.evaluation.reading import evaluation_records
 from twin.evaluation.scenarios import write_scenarios
@@ -47,6 +47,7 @@ from twin.signals.streams import SeedUse, random_stream
 from twin.workers.processes import choose_workers, shared_table
 
 NAME = "ablation"
+Row = dict[str, Any]  # a variant and what it reaches, as `ablation.json` holds it
 WHOLE = "whole"
 COLOUR = "#a3195b"
 SHOWN = (("gaussian", 1.0), ("poisson", 2.0), ("gamma", 1.0), ("salt-and-pepper", 0.05))
@@ -57,18 +58,13 @@ SYMMETRIC = ("gaussian", "uniform", "laplace", "student-t", "salt-and-pepper")
 
 @dataclasses.dataclass(frozen=True)
 class Variant:
-    """RAM (twins) with one thing changed, which `change` names for the table.
-
-    Attributes:
-        settings: of the training run that differ from the complete method's, by name.
-        parts: of its trained file that act, where nothing is trained; `twin.estimation.learned.ram_twins`.
-    """
+    """RAM (twins) with one thing changed: settings of its training, or parts of a trained file that act."""
 
     name: str
-    change: str
+    change: str  # in the words of the table
     agent: str = ram_twins.AGENT
     settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    parts: tuple[float, float] | None = None
+    parts: tuple[float, float] | None = None  # see `twin.estimation.learned.ram_twins`
 
 
 VARIANTS = (
@@ -93,61 +89,21 @@ VARIANTS = (
 
 @dataclasses.dataclass(frozen=True)
 class Ablation:
-    """Settings of an ablation; the folder keeps records and training runs, finished ones are used again.
-
-    Attributes:
-        options: of every training run, but for agent and seed.
-        seeds: of the training runs of each variant.
-        variants: the complete method among them.
-        draws: of each noise.
-        seconds: length of the records.
-        seed: of records and noise.
-    """
+    """Settings of an ablation; the folder keeps records and training runs, finished ones are used again."""
 
     folder: Path
     preset: Preset
     ranges: Ranges
-    options: TrainingOptions
-    seeds: Sequence[int]
-    variants: Sequence[Variant] = VARIANTS
-    draws: int = 1
-    seconds: float = 60.0
-    seed: int = 1
+    options: TrainingOptions  # of every training run, but for agent and seed
+    seeds: Sequence[int]  # of the training runs of each variant
+    variants: Sequence[Variant] = VARIANTS  # the complete method among them
+    draws: int = 1  # of each noise
+    seconds: float = 60.0  # length of the records
+    seed: int = 1  # of records and noise
 
     def folder_of(self, variant: Variant) -> Path:
         """Return the folder of the training runs of a variant."""
         return self.folder / (WHOLE if variant.parts else variant.name)
-
-
-@dataclasses.dataclass(frozen=True)
-class AblationRow:
-    """Variant of a method and what it reaches; errors are geometric means of the RMSE.
-
-    Attributes:
-        by_twin_deg: by kind of twin, over noises and strokes [deg].
-        by_noise_deg: by noise, over kinds of twins and strokes [deg].
-        times_whole: over all of them, in units of the whole.
-        times_whole_ci95: paired 95 % interval of that; None where there is but one run.
-        coverage95: share of samples whose interval holds the truth; None where none is stated.
-        trainings: how many it is the mean over.
-    """
-
-    name: str
-    change: str
-    by_twin_deg: dict[str, float]
-    by_noise_deg: dict[Condition, float]
-    times_whole: float
-    times_whole_ci95: tuple[float, float] | None
-    coverage95: float | None
-    trainings: int
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the row for JSON."""
-        noises = [
-            {"noise": kind, "level": level, "rmse_deg": error}
-            for (kind, level), error in self.by_noise_deg.items()
-        ]
-        return dataclasses.asdict(self) | {"by_noise_deg": noises}
 
 
 def chosen_variants(names: Sequence[str]) -> list[Variant]:
@@ -165,8 +121,11 @@ def run_ablation(
     progress: NewProgress,
     on_training: OnProgress | None = None,
     shares: Shares | None = None,
-) -> list[AblationRow]:
-    """Train all variants in parallel, run them on the suite's records, and return the table's rows."""
+) -> list[Row]:
+    """Train all variants in parallel, run them on the suite's records, and return the table's rows.
+
+    Errors are geometric means of the RMSE; `times_whole` is in units of the whole, with its paired interval.
+    """
     shown = progress("test records", "ep")
     paths = write_scenarios(
         ablation.folder / "records", ablation.preset, ablation.ranges, ablation.seconds, ablation.seed
@@ -193,7 +152,6 @@ def _runs(ablation: Ablation) -> list[TrainingRun]:
 
 
 def _method(ablation: Ablation, variant: Variant) -> Method:
-    """Return the training runs of a variant as one row of a comparison."""
     name, folder = find_training(variant.agent).file, ablation.folder_of(variant)
     loaded: list[Estimator[Any]] = [load_estimator(folder_of(folder, seed) / name) for seed in ablation.seeds]
     if variant.parts:
@@ -202,8 +160,7 @@ def _method(ablation: Ablation, variant: Variant) -> Method:
     return Method(variant.name, first, others=tuple(others))
 
 
-def _rows(found: Comparison, variants: Sequence[Variant], rng: np.random.Generator) -> list[AblationRow]:
-    """Return a row for each variant of a comparison."""
+def _rows(found: Comparison, variants: Sequence[Variant], rng: np.random.Generator) -> list[Row]:
     groups: dict[Any, dict[str, list[Any]]] = {}
     for score, squares in zip(found.scores, found.squares, strict=True):
         groups.setdefault(score.group, {}).setdefault(score.method, []).append(squares)
@@ -213,35 +170,38 @@ def _rows(found: Comparison, variants: Sequence[Variant], rng: np.random.Generat
     for variant in variants:
         scores = [score for score in found.scores if score.method == variant.name]
         ratio, interval = times[variant.name]
+        by_noise = rmse_by(scores, lambda score: score.condition)
+        noises = [{"noise": of[0], "level": of[1], "rmse_deg": error} for of, error in by_noise.items()]
         rows.append(
-            AblationRow(
-                name=variant.name,
-                change=variant.change,
-                by_twin_deg=rmse_by(scores, lambda score: score.twin),
-                by_noise_deg=rmse_by(scores, lambda score: score.condition),
-                times_whole=ratio,
-                times_whole_ci95=interval,
-                coverage95=mean_coverage(scores),
-                trainings=scores[0].trainings,
-            )
+            {
+                "name": variant.name,
+                "change": variant.change,
+                "by_twin_deg": rmse_by(scores, lambda score: score.twin),
+                "by_noise_deg": noises,
+                "times_whole": ratio,
+                "times_whole_ci95": interval,
+                "coverage95": mean_coverage(scores),
+                "trainings": scores[0].trainings,
+            }
         )
     return rows
 
 
-def ablation_table(rows: Sequence[AblationRow]) -> str:
+def ablation_table(rows: Sequence[Row]) -> str:
     """Return the variants as a table in Markdown."""
-    twins = list(rows[0].by_twin_deg)
-    noises = [noise for noise in SHOWN if noise in rows[0].by_noise_deg]
+    twins = list(rows[0]["by_twin_deg"])
+    errors = [{(of["noise"], of["level"]): of["rmse_deg"] for of in row["by_noise_deg"]} for row in rows]
+    noises = [noise for noise in SHOWN if noise in errors[0]]
     lines = [
         [
-            row.change,
-            *(f"{row.by_twin_deg[twin]:.2f}" for twin in twins),
-            *(f"{row.by_noise_deg[noise]:.2f}" for noise in noises),
-            f"{row.times_whole:.2f}" + in_brackets(row.times_whole_ci95, ".2f"),
-            "-" if row.coverage95 is None else f"{100 * row.coverage95:.0f}",
-            str(row.trainings),
+            row["change"],
+            *(f"{row['by_twin_deg'][twin]:.2f}" for twin in twins),
+            *(f"{own[noise]:.2f}" for noise in noises),
+            f"{row['times_whole']:.2f}" + in_brackets(row["times_whole_ci95"], ".2f"),
+            "-" if row["coverage95"] is None else f"{100 * row['coverage95']:.0f}",
+            str(row["trainings"]),
         ]
-        for row in rows
+        for row, own in zip(rows, errors, strict=True)
     ]
     headers = [
         "what is changed",
@@ -254,21 +214,21 @@ def ablation_table(rows: Sequence[AblationRow]) -> str:
     return aligned_table(lines, headers)
 
 
-def ablation_figure(rows: Sequence[AblationRow]) -> Figure:
+def ablation_figure(rows: Sequence[Row]) -> Figure:
     """Draw each variant's error in units of the whole's, with its paired 95 % interval."""
     figure = Figure(figsize=(6.4, 0.26 * len(rows) + 0.9), layout="constrained")
     axes = figure.subplots()
     clean_axes(axes)
     axes.axvline(1.0, color=MUTED, linewidth=0.8)
     for line, row in enumerate(reversed(rows)):
-        if row.times_whole_ci95 is not None:
-            axes.plot(row.times_whole_ci95, [line, line], color=COLOUR, linewidth=1.4)
-        axes.plot(row.times_whole, line, "o", markersize=4.5, color=COLOUR)
+        if row["times_whole_ci95"] is not None:
+            axes.plot(row["times_whole_ci95"], [line, line], color=COLOUR, linewidth=1.4)
+        axes.plot(row["times_whole"], line, "o", markersize=4.5, color=COLOUR)
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_major_locator(FixedLocator(_TICKS))
     axes.xaxis.set_minor_locator(NullLocator())
-    axes.set_yticks(range(len(rows)), [row.change for row in reversed(rows)], fontsize=8, color=INK)
+    axes.set_yticks(range(len(rows)), [row["change"] for row in reversed(rows)], fontsize=8, color=INK)
     axes.set_ylim(-0.6, len(rows) - 0.4)
     axes.tick_params(labelsize=8)
     axes.set_xlabel("RMSE over that of the whole, paired 95 % interval", fontsize=8, color=INK)
@@ -327,7 +287,7 @@ def ablate(args: Ablate) -> Summary:
         progress = TrainingProgress(f"train {len(ablation.variants)} variants", "thousandths")
         rows = run_ablation(ablation, executor, Progress, progress, shares)
     command = command_line("ablation", args).replace("endotwin ", "python -m scripts.studies.", 1)
-    contents = {"rows": [row.to_dict() for row in rows], "origin": origin_of(command, [])}
+    contents = {"rows": rows, "origin": origin_of(command, [])}
     table = ablation_table(rows)
     write_whole(files[0], json.dumps(contents, indent=2, allow_nan=False) + "\n")
     write_whole(files[1], f"{table}\n\n<!-- {MADE_BY} -->\n")

@@ -123,12 +123,10 @@ def _along(time: Array, turns: Sequence[tuple[float, float]]) -> Array:
 
 
 def _seen(bend_deg: Array, generator: np.random.Generator) -> Array:
-    """Return angles as a noisy sensor sees them."""
     return bend_deg + generator.normal(0, np.sqrt(NOISE_DEG2), len(bend_deg))
 
 
 def _table(columns: Mapping[str, Array]) -> str:
-    """Return columns as the text of a CSV file."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)

@@ -43,17 +43,11 @@ INSIDE = 0.95  # of what a row may be off by: beyond, it counts by `ROW`
 
 @dataclasses.dataclass(frozen=True)
 class Prior:
-    """Prior of one parameter. Distances from its centre are by its logarithm, unless it may be 0.
+    """Prior of one parameter. Distances from its centre are by its logarithm, unless it may be 0."""
 
-    Attributes:
-        centre: usual value.
-        deviation: standard deviation, of the logarithm or of the value.
-        limits: lowest and highest plausible value.
-    """
-
-    centre: float
-    deviation: float
-    limits: tuple[float, float]
+    centre: float  # usual value
+    deviation: float  # standard deviation, of the logarithm or of the value
+    limits: tuple[float, float]  # lowest and highest plausible value
 
     def distance(self, value: float) -> float:
         """Return how far a value is from the centre [standard deviations]."""
@@ -116,20 +110,11 @@ def match(
     steps: int = 20,
     on_outcome: Callable[[Preset, Outcome, float], None] = lambda *_: None,
 ) -> tuple[Preset, Outcome, float]:
-    """Fit a preset to what is published, by least squares from one start.
+    """Return the preset that fits what is published, by least squares from one start, its outcome and cost.
 
-    Args:
-        base: preset with every other parameter.
-        priors: of the fitted parameters, by name.
-        published: what is known.
-        commands: the excitation.
-        radii: of the circles of commands that the tip shall follow round, by `published.round_within` [m].
-        start: (P,) distances from the priors' centres [standard deviations]; those of `base` if not given.
-        steps: most steps.
-        on_outcome: called with each endoscope that is better than the last, its outcome and its cost.
-
-    Returns:
-        The preset, its outcome, and the sum of squares.
+    The tip shall follow circles of commands of these radii [m] round, by `published.round_within`. `start`
+    (P,) are distances from the priors' centres [standard deviations], those of `base` if not given;
+    `on_outcome` is called with each endoscope that is better than the last.
     """
     noises = list(published.active)
     lowest = np.inf

@@ -32,21 +32,6 @@ _SAMPLE_TIME, _SWEEP_SECONDS = 0.02, 24.0
 OnProgress = Callable[[int, int], None]
 
 
-@dataclasses.dataclass(frozen=True)
-class Occluded:
-    """Long episode during which instruments pass.
-
-    Attributes:
-        error_deg: (frames,) error of each pair of pictures; NaN where no angle is known [deg].
-        hidden_s: (n,) time of each stretch without an angle [s].
-        passes: number of passes.
-    """
-
-    error_deg: Array
-    hidden_s: Array
-    passes: int
-
-
 def grid_errors(
     preset: Preset, rig: StereoRig, bends_deg: Array, repeats: int, on_progress: OnProgress | None = None
 ) -> Array:
@@ -63,8 +48,14 @@ def grid_errors(
     return np.degrees(measured - record.bend).reshape(-1, repeats)
 
 
-def occluded(preset: Preset, rig: StereoRig, frames: int, on_progress: OnProgress | None = None) -> Occluded:
-    """Measure a long episode that sweeps over all angles while instruments pass."""
+def occluded(
+    preset: Preset, rig: StereoRig, frames: int, on_progress: OnProgress | None = None
+) -> tuple[Array, Array, int]:
+    """Measure a long episode that sweeps over all angles while instruments pass.
+
+    Returns the error of each pair of pictures, NaN where no angle is known [deg], the time of each stretch
+    without an angle [s], and the number of passes.
+    """
     seconds = frames / rig.frames_per_second
     time = np.arange(round(seconds / _SAMPLE_TIME), dtype=np.float64) * _SAMPLE_TIME
     bend = np.radians(FURTHEST_DEG) * np.sin(2 * np.pi * time / _SWEEP_SECONDS)
@@ -75,7 +66,7 @@ def occluded(preset: Preset, rig: StereoRig, frames: int, on_progress: OnProgres
     error = np.degrees(measured - bend)[taken]
     missing = np.concatenate([[False], np.isnan(error), [False]])
     begins, ends = (np.flatnonzero(np.diff(missing.astype(int)) == step) for step in (1, -1))
-    return Occluded(error, (ends - begins) / rig.frames_per_second, len(sensor.passes(record, seed)))
+    return error, (ends - begins) / rig.frames_per_second, len(sensor.passes(record, seed))
 
 
 def _record(
@@ -132,19 +123,19 @@ def measure_stereo(args: MeasureStereo) -> Summary:
         for number in range(args.rigs)
     ]
     rig = StereoRig(seed=args.seed, occlusions_per_minute=20.0)
-    hidden = occluded(preset, rig, args.frames, Progress("passes"))
+    error, hidden_s, passes = occluded(preset, rig, args.frames, Progress("passes"))
     contents = {
         "rig": {name: value for name, value in dataclasses.asdict(StereoRig()).items() if name != "seed"},
         "preset": args.preset,
         "bends_deg": bends.tolist(),
         "errors_deg": np.round(errors, 4).tolist(),
-        "hides_per_pass": round(len(hidden.hidden_s) / max(hidden.passes, 1), 4),
-        "hidden_s": np.round(hidden.hidden_s, 3).tolist(),
+        "hides_per_pass": round(len(hidden_s) / max(passes, 1), 4),
+        "hidden_s": np.round(hidden_s, 3).tolist(),
     }
     write_whole(out, json.dumps(contents) + "\n")
     rmse = float(np.sqrt(np.nanmean(np.square(errors))))
-    gaps = f"{hidden.passes} passes hid a marker {len(hidden.hidden_s)} times"
-    largest = float(np.nanmax(np.abs(hidden.error_deg)))
+    gaps = f"{passes} passes hid a marker {len(hidden_s)} times"
+    largest = float(np.nanmax(np.abs(error)))
     line = f"{out}: RMSE {rmse:.3f} deg over {args.rigs} rigs; {gaps}, errors then within {largest:.2f} deg"
     return Summary(line, {"out": str(out), "rmse_deg": rmse, "lost": int(np.isnan(errors).sum())})
 

@@ -29,37 +29,25 @@ SAMPLE_TIME, WRONG_START = Protocol.sample_time_s, Protocol.initial_error_deg  #
 
 @dataclasses.dataclass(frozen=True)
 class Published:
-    """Published figures of an instrument.
+    """Published figures of an instrument."""
 
-    Attributes:
-        model: a [1/mm], b [deg/mm], c [deg/mm].
-        active: RMSE of AM [deg] by kind and level of the noise, each with the share that it may be off by.
-        static: lowest and highest RMSE of C-H [deg].
-        misfit: most RMSE of C-H where it was identified [deg].
-        steady: most RMSE of C-H on the other stroke, once the start is forgotten [deg].
-        round_within: most departure of the tip from a circle, as a share of its radius, where a circle of
-            commands is asked for: no figure of the instrument, but of any with two like planes.
-    """
-
-    model: tuple[float, float, float]
+    model: tuple[float, float, float]  # a [1/mm], b [deg/mm], c [deg/mm]
+    # RMSE of AM [deg] by kind and level of the noise, each with the share that it may be off by
     active: Mapping[tuple[str, float], tuple[float, float]]
-    static: tuple[float, float]
-    misfit: float
-    steady: float
+    static: tuple[float, float]  # lowest and highest RMSE of C-H [deg]
+    misfit: float  # most RMSE of C-H where it was identified [deg]
+    steady: float  # most RMSE of C-H on the other stroke, once the start is forgotten [deg]
+    # most departure of the tip from a circle, as a share of its radius, where a circle of commands is asked
+    # for: no figure of the instrument, but of any with two like planes
     round_within: float = np.inf
 
 
 @dataclasses.dataclass(frozen=True)
 class Commands:
-    """Commands of all excitation seeds [m]: S seeds, E episodes each, N samples.
+    """Commands of all excitation seeds [m]: S seeds, E episodes each, N samples."""
 
-    Attributes:
-        identified: (S, E, N), on the stroke of the identification.
-        tested: (S, E, N), on the stroke of the test; their E may be another one.
-    """
-
-    identified: Array
-    tested: Array
+    identified: Array  # (S, E, N), on the stroke of the identification
+    tested: Array  # (S, E, N), on the stroke of the test; their E may be another one
 
     @classmethod
     def drawn(
@@ -72,11 +60,7 @@ class Commands:
     ) -> "Commands":
         """Draw the commands of `generate`, tests with the seed that follows; kinds of signals take turns.
 
-        Args:
-            seeds: of the excitation.
-            strokes: lowest and highest pull of identification and test [m].
-            episodes: of a seed, for identification and test.
-            seconds: length of each [s].
+        `strokes` [m] and numbers of episodes of a seed are those of identification and test.
         """
         kinds, every = list(SIGNALS), round(SAMPLE_TIME / FINE)
 
@@ -93,35 +77,21 @@ class Commands:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """Published figures as an endoscope has them, by excitation seed.
+    """Published figures as an endoscope has them, by excitation seed."""
 
-    Attributes:
-        model: (S, 3) a [1/mm], b [deg/mm], c [deg/mm].
-        misfit: (S,) RMSE of C-H where it was identified [deg].
-        static: (S,) RMSE of C-H on the other stroke, from a wrong start [deg].
-        steady: (S,) RMSE of C-H on the other stroke after the start, from a right one [deg].
-        active: (S, rows) RMSE of AM [deg].
-    """
-
-    model: Array
-    misfit: Array
-    static: Array
-    steady: Array
-    active: Array
+    model: Array  # (S, 3) a [1/mm], b [deg/mm], c [deg/mm]
+    misfit: Array  # (S,) RMSE of C-H where it was identified [deg]
+    static: Array  # (S,) RMSE of C-H on the other stroke, from a wrong start [deg]
+    steady: Array  # (S,) RMSE of C-H on the other stroke after the start, from a right one [deg]
+    active: Array  # (S, rows) RMSE of AM [deg]
 
 
 def best_coleman_hodgdon(pull_mm: Array, bend_deg: Array) -> tuple[Array, Array]:
-    """Fit a Coleman-Hodgdon model to each of many groups of records.
+    """Fit a Coleman-Hodgdon model to each of many groups of records, (G, E, N) [mm] and [deg].
 
     For a given a the response is linear in b and c (variable projection, Golub and Pereyra 1973), so that the
-    search is along one line, by golden sections of log a in all groups at once.
-
-    Args:
-        pull_mm: (G, E, N) pulling distance of the records of each group [mm].
-        bend_deg: (G, E, N) bending angle [deg].
-
-    Returns:
-        (G, 3) a [1/mm], b [deg/mm], c [deg/mm]; (G,) RMSE [deg].
+    search is along one line, by golden sections of log a in all groups at once. Returns (G, 3) a [1/mm],
+    b [deg/mm], c [deg/mm], and (G,) RMSE [deg].
     """
     parts = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[:, :, None, None]  # b and c of: start, b, c
     starts = np.array([1.0, 0.0, 0.0])[:, None, None] * bend_deg[:, :, 0]
@@ -208,14 +178,10 @@ def _errors(
 
 
 def out_of_round(presets: Sequence[Preset], radii: Sequence[float]) -> Array:
-    """Return how far the tip's path, seen along the shaft, is from a circle about its middle.
+    """Return how far the tip's path, seen along the shaft, is from a circle, as a share of its radius.
 
-    Args:
-        presets: B endoscopes; what they have of a second plane is that of the first.
-        radii: of the circle of commands [m].
-
-    Returns:
-        (B, radii) share of its radius; infinity where the tip stays, or has no equilibrium.
+    (B, radii) of B endoscopes, whose second plane is like the first, and circles of commands of these radii
+    [m]; infinity where the tip stays, or has no equilibrium.
     """
     angle = 0.3 + 2 * np.pi * np.arange(0, TURNS * PERIOD, STEP) / PERIOD
     two = [

@@ -86,7 +86,7 @@ def test_recipe_of_no_keys_is_that_of_the_defaults():
 def test_paths_are_relative_to_the_recipe(folder):
     (folder / "recipe.yaml").write_text("preset: parts/mine.yaml\ncommand_csv: parts/command.csv\n")
     recipe = load_recipe(folder / "recipe.yaml")
-    pull = read_command(folder / "parts" / "command.csv", recipe.preset, 0.02).pull
+    pull = read_command(folder / "parts" / "command.csv", recipe.preset, 0.02)[0]
     assert recipe.given_pull_m == tuple(pull.tolist())
     assert recipe.seconds == pytest.approx(2.0)
     assert recipe.strokes_mm == (

@@ -18,7 +18,7 @@ def write(path, text):
 
 def test_pull_over_time_is_taken_as_it_is(tmp_path, preset):
     path = write(tmp_path / "c.csv", "time_s,pull_mm\n0,0\n1,2\n2,1\n")
-    pull = read_command(path, preset, 0.5).pull
+    pull = read_command(path, preset, 0.5)[0]
     np.testing.assert_allclose(pull, [0, 1e-3, 2e-3, 1.5e-3])
 
 
@@ -26,7 +26,7 @@ def test_angle_over_phase_becomes_a_pull_at_the_stated_rate(tmp_path, preset):
     phase = np.linspace(0, 2 * np.pi, 401)
     lines = [f"{p},{60 * np.sin(p)},1" for p in phase]
     path = write(tmp_path / "c.csv", "phase_rad,command_deg,angle_deg\n" + "\n".join(lines))
-    pull = read_command(path, preset, 0.1).pull
+    pull = read_command(path, preset, 0.1)[0]
     assert len(pull) == SECONDS_PER_CYCLE / 0.1
     assert pull.max() == pytest.approx(np.radians(60) * 0.02, rel=1e-3)
 
@@ -62,10 +62,10 @@ def test_columns_are_those_that_are_named_in_their_units(tmp_path, preset):
     form = CommandFormat(
         command_column="knob_rad", time_column="clock", time_unit="ms", lateral_command_column="knob_rad"
     )
-    command = read_command(path, preset, 0.5, form)
-    np.testing.assert_allclose(command.pull, [0, 2e-3])
-    np.testing.assert_allclose(command.lateral_pull, command.pull)
+    pull, lateral = read_command(path, preset, 0.5, form)
+    np.testing.assert_allclose(pull, [0, 2e-3])
+    np.testing.assert_allclose(lateral, pull)
     metres = CommandFormat(command_column="other", command_unit="mm", time_column="stamp_s")
-    command = read_command(path, preset, 0.5, metres)
-    np.testing.assert_allclose(command.pull, [2e-3, 3.5e-3])
-    assert command.lateral_pull is None
+    pull, lateral = read_command(path, preset, 0.5, metres)
+    np.testing.assert_allclose(pull, [2e-3, 3.5e-3])
+    assert lateral is None

@@ -9,7 +9,7 @@ from rendered import DOWN, SMALL, STRAIGHT, UP, film, in_two_planes, make_episod
 from twin.rendering.look import WHITE, Look
 from twin.rendering.overlay import Overlay
 from twin.rendering.picture import on_paper
-from twin.rendering.render import Film, render_frame
+from twin.rendering.render import Film
 
 
 def pose(movie, sample: int) -> np.ndarray:
@@ -102,10 +102,3 @@ def test_without_gl_the_package_to_install_is_named(monkeypatch):
     with pytest.raises(OSError, match=r"apt-get install libegl1") as error:
         film(make_episode(), size=SMALL)
     assert "\n" not in str(error.value)
-
-
-@needs_gl
-def test_frame_has_the_size_asked_for_and_the_episode_bounds_the_index():
-    assert render_frame(make_episode(), -1, width=320, height=180).shape == (180, 320, 3)
-    with pytest.raises(ValueError, match="samples 0 to 40"):
-        render_frame(make_episode(), 41, width=320, height=180)

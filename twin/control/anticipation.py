@@ -25,11 +25,7 @@ LOOKS_AHEAD_S = (0.06, 0.12, 0.2, 0.3, 0.42, 0.56, 0.72, 0.9)  # where model and
 
 
 class Anticipation:
-    """Decision, from sample to sample, whether the command is to go ahead of its reference.
-
-    Attributes:
-        direction: in which it goes, or waits for the reference to follow, 1 or -1; 0 where it does neither.
-    """
+    """Decision, from sample to sample, whether the command is to go ahead of its reference."""
 
     def __init__(self, limits: CommandLimits, sample_time: float) -> None:
         """Begin with nothing that is ahead."""
@@ -41,7 +37,7 @@ class Anticipation:
 
     def forget(self) -> None:
         """Forget what was begun."""
-        self.direction = 0.0
+        self.direction = 0.0  # in which it goes, or waits for the reference, 1 or -1; 0: it does neither
         self._goes, self._waits = False, 0
 
     def wanted_mm(

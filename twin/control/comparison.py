@@ -94,12 +94,9 @@ PARTS = "parts"
 _KIND = "part of a comparison of controllers"
 _TRACE = ("reference_deg", "pull_mm", "truth_deg", "measured_deg", "estimate_deg")
 Arrays = dict[str, Array]
-Sensor = tuple[float, float]
-"""R [deg^2] and T [s]."""
-Job = tuple[Any, str]
-"""Sensor or place of a condition, and name of a controller."""
-Settings = dict[str, dict[str, float]]
-"""What was tuned, by controller and name."""
+Sensor = tuple[float, float]  # R [deg^2] and T [s]
+Job = tuple[Any, str]  # sensor or place of a condition, and name of a controller
+Settings = dict[str, dict[str, float]]  # what was tuned, by controller and name
 
 
 def compare(
@@ -212,13 +209,8 @@ def _knowledge(
 
 
 def _search(
-    name: str,
-    sensor: Sensor,
-    others: Settings,
-    settings: ControlSettings,
-    deployments: list[Deployment],
+    name: str, sensor: Sensor, others: Settings, settings: ControlSettings, deployments: list[Deployment]
 ) -> Arrays:
-    """Tune one controller for one sensor, with what was tuned for others."""
     (spec,) = find_controllers([name])
     cases = [
         (dataclasses.replace(known, settings=others), case)
@@ -237,7 +229,6 @@ def _run(
     settings: ControlSettings,
     deployments: list[Deployment],
 ) -> Arrays:
-    """Run one controller under one condition on all strokes, twins and signals."""
     trials = []
     for known in _knowledge(settings, condition.sensor, deployments):
         known = dataclasses.replace(known, settings=tuned)

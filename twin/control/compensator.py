@@ -42,12 +42,7 @@ _SILENT = Alarm.TIMEOUT | Alarm.STUCK
 
 
 class Compensator:
-    """Commands of one endoscope, on the estimate of a running estimator.
-
-    Attributes:
-        falls_back: whether PI on the fallback's estimate is in charge.
-        holds: whether the command is held, as no measurement comes.
-    """
+    """Commands of one endoscope, on the estimate of a running estimator."""
 
     def __init__(
         self,
@@ -68,7 +63,8 @@ class Compensator:
         self._feedback = LinearFeedback(limits, runtime.sample_time, line, gains)
         self._anticipation = Anticipation(limits, runtime.sample_time)
         self._direction = 0.0  # of the latest command
-        self.falls_back = self.holds = False
+        self.falls_back = False  # whether PI on the fallback's estimate is in charge
+        self.holds = False  # whether the command is held, as no measurement comes
 
     def wanted_mm(
         self, pull_mm: float, reference_deg: float, next_deg: float, reference_preview_deg: Array = NO_PREVIEW
@@ -121,14 +117,11 @@ class LiveCommands:
     A sample without a pull counts as one at the latest command; one without a reference keeps the latest. One
     that the runtime ignores, as it is late or has no valid time, is answered by the latest command. While the
     sensor is missing or stuck (alarms TIMEOUT and STUCK), the command that stands is held.
-
-    Attributes:
-        limits: of the command.
-        command_mm: latest command; NaN before the first [mm].
     """
 
     def __init__(self, runtime: AssuredEstimator, compensator: Compensator, limits: CommandLimits) -> None:
-        self.limits, self.command_mm = limits, math.nan
+        self.limits = limits
+        self.command_mm = math.nan  # latest command; NaN before the first
         self._runtime, self._compensator = runtime, compensator
         self._reference_deg = math.nan
 
@@ -147,10 +140,8 @@ class LiveCommands:
     ) -> float:
         """Return the pull to command at the next sample [mm]; NaN before the first pull and reference.
 
-        Args:
-            pull_mm: command that stands at the runtime's latest sample, NaN if unknown [mm].
-            reference_deg: wanted angle at the next sample; NaN if unknown [deg].
-            reference_preview_deg: wanted angles after that, as far as they are known [deg].
+        Arguments are the command that stands at the runtime's latest sample, the wanted angle at the next
+        one, NaN if unknown, and wanted angles after that, as far as they are known.
         """
         if self._runtime.reading.health & _IGNORED:
             return self.command_mm
@@ -178,13 +169,8 @@ def prepare_commands(
 ) -> LiveCommands:
     """Return the commands on the estimate of a runtime, which takes in each sample before `after` is called.
 
-    Args:
-        path: its trained file, of RAM (twins).
-        runtime: the running estimator.
-        stroke_mm: lowest and highest command [mm].
-        speed_mm_s: fastest change [mm / s]; by default that of the training, or of the preset's servo where
-            it is slower.
-        rate_per_s: at which the estimated error is removed [1 / s].
+    `path` is its trained file, of RAM (twins). By default the fastest change is that of the training, or of
+    the preset's servo where it is slower; the estimated error is removed at `rate_per_s`.
     """
     if not 0 < rate_per_s < math.inf:
         raise InputError(f"rate = {rate_per_s:g} 1/s: must be positive and finite")

@@ -27,8 +27,7 @@ Array = NDArray[np.float64]
 SHARE = 0.65  # of what the nominal endoscope reaches on a stroke
 FAST_PERIOD_S = 4.0
 SLOW = ("sine", "multi-sine", "random-steps")
-SIGNALS = (*SLOW, "fast-sine")
-"""Kinds of reference; slow ones are those of datasets."""
+SIGNALS = (*SLOW, "fast-sine")  # kinds of reference; slow ones are those of datasets
 
 
 def reference(
@@ -61,29 +60,18 @@ CAPSTAN = (("sheath_friction", 0.18), ("sheath_friction_floor", 0.0), ("sheath_f
 
 @dataclasses.dataclass(frozen=True)
 class ControlCondition:
-    """One line of a comparison.
+    """One line of a comparison."""
 
-    Attributes:
-        name: in tables and files.
-        noise: kind of it.
-        level: of it.
-        sample_time: T [s].
-        signals: kinds of reference.
-        bends: whether the sheath bends by a quarter turn on the way, unannounced.
-        tip_force: that pushes the tip sideways from `TOUCHED_AT_S` on, unannounced; only in MuJoCo [N].
-        wider: factor on the ranges that endoscopes are drawn from.
-        changes: parameters that all endoscopes have, whatever was drawn.
-    """
-
-    name: str
-    noise: str = "gaussian"
-    level: float = 1.0
-    sample_time: float = 0.02
-    signals: tuple[str, ...] = SLOW
-    bends: bool = False
+    name: str  # in tables and files
+    noise: str = "gaussian"  # kind of it
+    level: float = 1.0  # of it
+    sample_time: float = 0.02  # T [s]
+    signals: tuple[str, ...] = SLOW  # kinds of reference
+    bends: bool = False  # whether the sheath bends by a quarter turn on the way, unannounced
+    # that pushes the tip sideways from `TOUCHED_AT_S` on, unannounced; only in MuJoCo [N]
     tip_force: float = 0.0
-    wider: float = 1.0
-    changes: tuple[tuple[str, float], ...] = ()
+    wider: float = 1.0  # factor on the ranges that endoscopes are drawn from
+    changes: tuple[tuple[str, float], ...] = ()  # parameters that all endoscopes have, whatever was drawn
 
     @property
     def slug(self) -> str:
@@ -157,41 +145,24 @@ TUNING = (*((kind, False) for kind in SLOW), ("fast-sine", False), ("multi-sine"
 
 @dataclasses.dataclass(frozen=True)
 class ControlSettings:
-    """Settings of a comparison.
+    """Settings of a comparison."""
 
-    Attributes:
-        preset: the nominal endoscope.
-        ranges: from which those that are controlled are drawn.
-        strokes_mm: strokes of the work; references use the middle of what each reaches [mm].
-        twins: number of held-out endoscopes.
-        seconds: length of a reference behind its hold [s].
-        margin: command beyond the stroke, as a share of its width [-].
-        speed_mm_s: speed limit of the command and of the endoscope's servo [mm / s].
-        latency_s: delay of the sensor [s].
-        preview_s: time for which controllers know the reference ahead [s].
-        physics: of the plants.
-        policy: trained file of RAM (twins), if there is one.
-        tracking_policy: trained file of PPO on `EndoTwin/Tracking-v0`, if there is one.
-        candidates: settings that are tried for each controller.
-        tuning_seconds: length of a reference of the tuning [s].
-        seed: of everything that is drawn.
-    """
-
-    preset: Preset
-    ranges: Ranges
+    preset: Preset  # the nominal endoscope
+    ranges: Ranges  # from which those that are controlled are drawn
+    # strokes of the work; references use the middle of what each reaches [mm]
     strokes_mm: tuple[tuple[float, float], ...] = ((-1.0, 1.0), (2.0, 4.0))
-    twins: int = 10
-    seconds: float = 40.0
-    margin: float = MARGIN
-    speed_mm_s: float = 5.0
-    latency_s: float = 0.0
-    preview_s: float = PREVIEW_S
-    physics: str = "mujoco"
-    policy: Path | None = None
-    tracking_policy: Path | None = None
-    candidates: int = 16
-    tuning_seconds: float = 12.0
-    seed: int = 0
+    twins: int = 10  # number of held-out endoscopes
+    seconds: float = 40.0  # length of a reference behind its hold [s]
+    margin: float = MARGIN  # command beyond the stroke, as a share of its width [-]
+    speed_mm_s: float = 5.0  # speed limit of the command and of the endoscope's servo [mm / s]
+    latency_s: float = 0.0  # delay of the sensor [s]
+    preview_s: float = PREVIEW_S  # time for which controllers know the reference ahead [s]
+    physics: str = "mujoco"  # of the plants
+    policy: Path | None = None  # trained file of RAM (twins), if there is one
+    tracking_policy: Path | None = None  # trained file of PPO on `EndoTwin/Tracking-v0`, if there is one
+    candidates: int = 16  # settings that are tried for each controller
+    tuning_seconds: float = 12.0  # length of a reference of the tuning [s]
+    seed: int = 0  # of everything that is drawn
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""

@@ -101,29 +101,18 @@ def fit_line(preset: Preset, stroke_mm: tuple[float, float]) -> Line:
 
 @dataclasses.dataclass(frozen=True)
 class ControlKnowledge:
-    """Knowledge before a run, of one endoscope at one sample time.
+    """Knowledge before a run, of one endoscope at one sample time."""
 
-    Attributes:
-        preset: the nominal endoscope.
-        stroke_mm: lowest and highest pull of the work [mm].
-        limits: of the command; wider than the stroke.
-        sample_time: T [s].
-        noise_variance: R of the sensor [deg^2].
-        deployment: tuned active model on the identified model of Coleman and Hodgdon.
-        preview_s: time for which the reference is known ahead [s].
-        policy, tracking_policy: trained files, by the names of `TRAINED`; None where there is none.
-        settings: what was tuned, by controller and name.
-    """
-
-    preset: Preset
-    stroke_mm: tuple[float, float]
-    limits: CommandLimits
-    sample_time: float
-    noise_variance: float
-    deployment: Deployment
-    preview_s: float = 0.0
-    policy: Path | None = None
+    preset: Preset  # the nominal endoscope
+    stroke_mm: tuple[float, float]  # lowest and highest pull of the work [mm]
+    limits: CommandLimits  # of the command; wider than the stroke
+    sample_time: float  # T [s]
+    noise_variance: float  # R of the sensor [deg^2]
+    deployment: Deployment  # tuned active model on the identified model of Coleman and Hodgdon
+    preview_s: float = 0.0  # time for which the reference is known ahead [s]
+    policy: Path | None = None  # trained file, by the names of `TRAINED`
     tracking_policy: Path | None = None
+    # what was tuned, by controller and name
     settings: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
 
     @property
@@ -151,8 +140,7 @@ class ControlKnowledge:
         return path
 
 
-NO_PREVIEW = np.empty(0)
-"""Preview of a reference that arrives sample by sample."""
+NO_PREVIEW = np.empty(0)  # preview of a reference that arrives sample by sample
 
 
 class Sensed(NamedTuple):
@@ -169,20 +157,13 @@ class Controller(abc.ABC):
     """A controller of one endoscope, for one run.
 
     The pull that `step` returns is that of the end of the next sample, bounded to the limits.
-
-    Attributes:
-        limits: of the command.
-        sample_time: T [s].
-        pull_mm: latest command [mm].
-        estimate_deg: estimated angle, NaN where it uses none [deg].
-        falls_back: whether a simpler law is in charge, as the better one is not trusted now.
-        holds: whether the command is held, as no measurement comes.
     """
 
     def __init__(self, limits: CommandLimits, sample_time: float) -> None:
         self.limits, self.sample_time = limits, sample_time
-        self.pull_mm = self.estimate_deg = math.nan
-        self.falls_back = self.holds = False
+        self.pull_mm = self.estimate_deg = math.nan  # latest command, and estimate if it uses one
+        self.falls_back = False  # whether a simpler law is in charge, as the better one is not trusted now
+        self.holds = False  # whether the command is held, as no measurement comes
 
     def observe(self, plant: "Plant") -> None:  # noqa: B027  only for an oracle
         """Give an oracle the endoscope itself, before the run begins; other controllers ignore it."""
@@ -223,32 +204,22 @@ class Setting(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class ControllerSpec:
-    """Declaration of one controller.
+    """Declaration of one controller."""
 
-    Attributes:
-        name: on the command line, in tables, figures and files.
-        rank: place in tables, the smallest first.
-        information: what it uses, in a few words.
-        build: makes one for a run, with its settings by name.
-        settings: numbers that are tuned, by name.
-        needs: trained file that it runs on, by its name in `TRAINED`; empty if it runs on none.
-        sample_time_of: reads the one sample time that its trained file is for [s]; None if it is for any.
-        falls_back_on: name of the controller whose settings it takes for its fallback, if it has one.
-        ours: whether it is this project's own, with which the others are compared.
-        oracle: whether it knows the endoscope itself: a limit, not a rival.
-        style: in figures.
-    """
-
-    name: str
-    rank: float
-    information: str
+    name: str  # on the command line, in tables, figures and files
+    rank: float  # place in tables, the smallest first
+    information: str  # what it uses, in a few words
+    # makes one for a run, with its settings by name
     build: Callable[[ControlKnowledge, Mapping[str, float]], Controller]
+    # numbers that are tuned, by name
     settings: Mapping[str, Setting] = dataclasses.field(default_factory=dict)
-    needs: str = ""
+    needs: str = ""  # trained file that it runs on, by its name in `TRAINED`; empty if it runs on none
+    # reads the one sample time that its trained file is for [s]; None if it is for any
     sample_time_of: Callable[[Path], float] | None = None
-    falls_back_on: str = ""
-    ours: bool = False
-    oracle: bool = False
+    falls_back_on: str = ""  # name of the controller whose settings it takes for its fallback, if it has one
+    ours: bool = False  # whether it is this project's own, with which the others are compared
+    oracle: bool = False  # whether it knows the endoscope itself: a limit, not a rival
+    # in figures
     style: Style = dataclasses.field(default_factory=lambda: Style("#777777", "solid", ""))
 
     def make(self, knowledge: ControlKnowledge) -> Controller:

@@ -154,8 +154,7 @@ def comparisons(results: Sequence[ControlResult], ours: str, seed: int) -> list[
 
 RESULTS = "control.json"
 RECORDS = "records"
-RECORD_SIGN = "tracking_rmse_deg"
-"""Metadata that no other recording has."""
+RECORD_SIGN = "tracking_rmse_deg"  # metadata that no other recording has
 
 
 def control_values(
@@ -170,16 +169,11 @@ def control_values(
         "policy_sha256": stated["policy"],
         "tracking_policy_sha256": stated["tracking_policy"],
         "preset": settings.preset.name,
-        "physics": settings.physics,
-        "twins": settings.twins,
-        "seconds": settings.seconds,
         "limits": limits,
         "sensor_latency_s": settings.latency_s,
-        "preview_s": settings.preview_s,
-        "candidates": settings.candidates,
-        "tuning_seconds": settings.tuning_seconds,
-        "seed": settings.seed,
     }
+    kept = ("physics", "twins", "seconds", "preview_s", "candidates", "tuning_seconds", "seed")
+    protocol |= {name: stated[name] for name in kept}
     return {
         "control": protocol,
         "totals": [result.total() for result in results],
@@ -221,8 +215,7 @@ def write_record(folder: Path, trial: ControlTrial, settings: ControlSettings, c
     return path
 
 
-TABLE = "control.md"
-"""File of all tables."""
+TABLE = "control.md"  # file of all tables
 
 Values = Mapping[str, Any]
 Cells = dict[str, dict[str, str]]
@@ -277,7 +270,6 @@ def _cells(
 
 
 def _table(first: str, cells: Cells, fmt: str = "markdown") -> str:
-    """Return a table of texts; a row is empty where it has none."""
     from tabulate import tabulate
 
     names = list(dict.fromkeys(name for row in cells.values() for name in row))

@@ -17,12 +17,6 @@ class Plant:
     """One endoscope, stepped from sample to sample along straight lines between commands.
 
     A run of `twin.simulate` along the same commands is the same, bit for bit.
-
-    Attributes:
-        preset: its parameters.
-        endoscope: the simulated one.
-        pull_mm: latest command [mm].
-        sheath_bend: latest bend of the sheath [rad].
     """
 
     def __init__(self, preset: Preset, sample_time: float, physics: str = "mujoco") -> None:
@@ -42,7 +36,7 @@ class Plant:
             from twin.physics import Endoscope
 
             self.endoscope = Endoscope.from_preset(preset, drawn=False)
-        self.pull_mm, self.sheath_bend = preset.command_zero * 1e3, preset.sheath_bend
+        self.pull_mm, self.sheath_bend = preset.command_zero * 1e3, preset.sheath_bend  # the latest
 
     def start(self, pull_mm: float) -> float:
         """Go from rest to a pull [mm], as the records of `simulate` begin; returns the bend [deg]."""

@@ -135,7 +135,6 @@ def varying(recipe: Recipe, files: Sequence[SimulatedFile]) -> list[str]:
 
 
 def _all_of(files: Sequence[SimulatedFile], name: str, say: Callable[[Any], str]) -> str:
-    """Every value that the files have, once, in their order."""
     return ", ".join(dict.fromkeys(say(getattr(file, name)) for file in files))
 
 

@@ -29,8 +29,6 @@ _STREAMS = 4  # of random numbers: signal, sensor, lateral signal, preset
 
 
 class _Drawn(NamedTuple):
-    """One episode before it is simulated."""
-
     key: EpisodeKey
     conditions: Conditions
     preset: Preset  # as drawn

@@ -151,7 +151,6 @@ def _check_file(recipe: Recipe, key: EpisodeKey, path: Path, known: SimulatedFil
 
 
 def _entry(recipe: Recipe, path: Path, metadata: Mapping[str, Any], csv: bool) -> Entry:
-    """Describe a file that is there, and its table."""
     samples = metadata["samples"]
     return {
         **describe_file(path, samples, samples * recipe.sample_time_s, metadata["statistics"]),

@@ -37,23 +37,15 @@ class _Strict(BaseModel):
 
 
 class SensorFile(_Strict):
-    """The key `sensor`; its keys override the preset's sensor.
+    """The key `sensor`; its keys override the preset's sensor."""
 
-    Attributes:
-        variance_deg2: variance of white noise in addition to the preset's [deg^2].
-        noise_deg: standard deviation of the noise [deg].
-        resolution_deg: step of the readings [deg].
-        period_s: time between two readings [s].
-        latency_s: age of a reading [s].
-        stereo: two cameras measure the angle instead; true, or the changed parameters of their rig. No other
-            key goes with it.
-    """
-
-    variance_deg2: Number = 0.1
-    noise_deg: Number | None = None
-    resolution_deg: Number | None = None
-    period_s: Number | None = None
-    latency_s: Number | None = None
+    variance_deg2: Number = 0.1  # variance of white noise in addition to the preset's [deg^2]
+    noise_deg: Number | None = None  # standard deviation of the noise [deg]
+    resolution_deg: Number | None = None  # step of the readings [deg]
+    period_s: Number | None = None  # time between two readings [s]
+    latency_s: Number | None = None  # age of a reading [s]
+    # two cameras measure the angle instead; true, or the changed parameters of their rig. No other key goes
+    # with it
     stereo: bool | dict[str, str | int | Number] = False
 
     @property
@@ -87,7 +79,6 @@ class CommandFile(_Strict):
 
 
 def _command_file(value: Any) -> Any:
-    """Return the mapping that a path stands for."""
     return {"file": value} if isinstance(value, str | Path) else value
 
 
@@ -269,6 +260,5 @@ def _command(file: RecipeFile, folder: Path, preset: Preset) -> tuple[list[float
         if name in file.model_fields_set and (name != "signals" or file.lateral_stroke_mm is None):
             raise InputError(f"command_csv and {name}: choose one, the recorded command determines it")
     form = CommandFormat(**file.command_csv.model_dump(exclude={"file"}))
-    command = read_command(folder / file.command_csv.file, preset, file.sample_time_s, form)
-    lateral = command.lateral_pull
-    return command.pull.tolist(), None if lateral is None else lateral.tolist()
+    pull, lateral = read_command(folder / file.command_csv.file, preset, file.sample_time_s, form)
+    return pull.tolist(), None if lateral is None else lateral.tolist()

@@ -98,7 +98,6 @@ def _faults(rule: str, lines: Iterable[str]) -> list[RuleFault]:
 
 
 def _read_recipe(path: Path) -> Recipe | str:
-    """Return the recipe of a dataset, or in one line why it cannot be read."""
     try:
         return load_recipe(path)
     except (FileNotFoundError, ValueError) as error:
@@ -168,7 +167,6 @@ def _wrong_totals(path: Path, contents: Dataset) -> list[str]:
 
 
 def _wrong_origin(path: Path, metadata: Mapping[str, Any], file: Entry, contents: Dataset) -> Iterator[str]:
-    """Yield the differences of the metadata of a file to `dataset.json`."""
     entry = to_json_values(file)
     stated: dict[str, Any] = {name: entry[name] for name in _STATED if name in entry}
     if isinstance(file, MeasuredFile):
@@ -235,7 +233,6 @@ def replay(path: Path) -> Replay:
 
 
 def _differences(one: Episode, other: Episode) -> list[str]:
-    """Return quantities that differ, from which sample on, and by how much."""
     differs = []
     before, after = ({"time_s": episode.time, **recorded(episode)} for episode in (one, other))
     for name in sorted({*before, *after}):

@@ -221,7 +221,6 @@ def _refuse_foreign_files(
 
 
 def _is_of(recipe: Recipe, path: Path) -> bool:
-    """Return whether a file is an episode of a recipe."""
     try:
         return read_metadata(path).get("recipe_sha256") == of_each_episode(recipe)[1]
     except (ValueError, OSError):

@@ -47,15 +47,10 @@ def frames_per_second(episode: Episode) -> int:
 
 @dataclasses.dataclass(frozen=True)
 class Column:
-    """One feature of a LeRobot dataset.
+    """One feature of a LeRobot dataset."""
 
-    Attributes:
-        values: (N, numbers), in the type that is stored.
-        names: name of each number; None where it needs none.
-    """
-
-    values: NDArray[Any]
-    names: tuple[str, ...] | None
+    values: NDArray[Any]  # (N, numbers), in the type that is stored
+    names: tuple[str, ...] | None  # name of each number; None where it needs none
 
     @property
     def feature(self) -> dict[str, Any]:

@@ -6,43 +6,28 @@ import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from twin.episode import Episode
-from twin.errors import InputError, MissingFileError, require_extra
+from twin.errors import InputError, MissingFileError
 from twin.files.atomic import write_whole
 from twin.recording import episode_files, read_episode, recover_episode, write_csv, write_episode
 from twin.recording.camera import Pictures, has_pictures, read_pictures
 
-FORMATS = ("parquet", "csv", "mcap")  # a LeRobot dataset, one table each, or one MCAP file each
+Piece = tuple[str, Episode, Path | None]  # name, record, and its file; None where that is damaged
 _NOT_ITS_NAME = re.compile(r"\.mcap(\.partial(\.\d+)?)?$")  # a killed recording is NAME.mcap.partial
 
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """Options of an export.
+    """Options of an export."""
 
-    Attributes:
-        form: one of `FORMATS`.
-        all_columns: of a CSV table: also the measured angle and the hidden state.
-        sample_time: simulated records are thinned to it, measured logs put on an even grid of it [s]; None
-            keeps their own samples.
-        recover: take what is whole of damaged files, which are refused otherwise.
-    """
-
-    form: str = "parquet"
-    all_columns: bool = False
+    form: str = "parquet"  # a LeRobot dataset; csv, a table each; or mcap, an MCAP file each
+    all_columns: bool = False  # of a CSV table: also the measured angle and the hidden state
+    # simulated records are thinned to it, measured logs put on an even grid of it [s]; None keeps their own
+    # samples
     sample_time: float | None = None
-    recover: bool = False
-
-    def __post_init__(self) -> None:
-        """Refuse an unknown format, a choice that it does not have, or one whose library is missing."""
-        if self.form not in FORMATS:
-            raise InputError(f"unknown format {self.form!r}; valid: {', '.join(FORMATS)}")
-        if self.all_columns and self.form != "csv":
-            raise InputError(f"all columns are a choice of csv, not of {self.form}, which holds all there is")
-        if self.form == "parquet":
-            require_extra("parquet", "the format parquet")
+    recover: bool = False  # take what is whole of damaged files, which are refused otherwise
 
 
 @dataclasses.dataclass
@@ -100,15 +85,6 @@ def named_files(paths: Sequence[Path]) -> dict[str, Path]:
     return dict(zip(names, files, strict=True))
 
 
-class _Piece(NamedTuple):
-    """A record to write."""
-
-    name: str
-    episode: Episode
-    file: Path | None  # where it is as it is; None where it was thinned or recovered
-    source: Path | None  # file that it is from; None where that is damaged
-
-
 def export_records(
     files: Mapping[str, Path],
     folder: Path,
@@ -125,27 +101,26 @@ def export_records(
 
         write_lerobot(folder, _with_pictures(pieces, tally))
         return tally
-    for piece in pieces:
-        path = folder / f"{piece.name}.{plan.form}"
-        if plan.form == "mcap" and piece.file is not None:
-            write_whole(path, piece.file.read_bytes())  # with pictures and all else
+    for name, episode, source in pieces:
+        path = folder / f"{name}.{plan.form}"
+        if plan.form == "mcap" and source is not None and plan.sample_time is None:
+            write_whole(path, source.read_bytes())  # with pictures and all else
             continue
         if plan.form == "csv":
-            write_csv(path, piece.episode, everything=plan.all_columns)
+            write_csv(path, episode, everything=plan.all_columns)
         else:
-            write_episode(path, _without_recipe(piece.episode))
-        tally.pictures_left_out += piece.source is not None and has_pictures(piece.source)
+            write_episode(path, _without_recipe(episode))
+        tally.pictures_left_out += source is not None and has_pictures(source)
     return tally
 
 
 def _with_pictures(
-    pieces: Iterator[_Piece], tally: Tally
+    pieces: Iterator[Piece], tally: Tally
 ) -> Iterator[tuple[str, Episode, dict[str, Pictures]]]:
-    """Yield records with their pictures, and count those that have some."""
-    for piece in pieces:
-        pictures = {} if piece.source is None else read_pictures(piece.source)
+    for name, episode, source in pieces:
+        pictures = {} if source is None else read_pictures(source)
         tally.pictures += bool(pictures)
-        yield piece.name, piece.episode, pictures
+        yield name, episode, pictures
 
 
 def _pieces(
@@ -154,8 +129,7 @@ def _pieces(
     tally: Tally,
     on_progress: Callable[[int, int], None],
     on_damage: Callable[[str], None],
-) -> Iterator[_Piece]:
-    """Yield one record at a time, and count it."""
+) -> Iterator[Piece]:
     for done, (name, file) in enumerate(files.items()):
         on_progress(done, len(files))
         record, whole = _read(file, plan, tally, on_damage)
@@ -169,8 +143,7 @@ def _pieces(
         tally.episodes += 1
         tally.samples += len(record.time)
         tally.seconds = round(tally.seconds + len(record.time) * record.sample_time, 9)
-        same = file if whole and plan.sample_time is None else None
-        yield _Piece(name, record, same, file if whole else None)
+        yield name, record, file if whole else None
     on_progress(len(files), len(files))
     if tally.episodes == 0:
         raise InputError("nothing is left of any file")

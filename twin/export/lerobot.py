@@ -83,14 +83,11 @@ def write_lerobot(
 
 
 def _made(path: Path) -> Path:
-    """Return a path whose folder is there."""
     path.parent.mkdir(parents=True, exist_ok=True)
     return path
 
 
 class _Dataset:
-    """Facts of the episodes written so far."""
-
     def __init__(self, folder: Path) -> None:
         self.tasks: dict[str, int] = {}
         self.rows: list[dict[str, Any]] = []
@@ -144,7 +141,6 @@ class _Dataset:
         return columns
 
     def _add_video(self, name: str, key: str, episode: Episode, pictures: Pictures) -> dict[str, Any]:
-        """Write the film of an episode; returns where it is, and its statistics."""
         chunk, file = divmod(self.episodes, CHUNK_FILES)
         path = self._folder / VIDEO_PATH.format(video_key=key, chunk_index=chunk, file_index=file)
         try:
@@ -239,7 +235,6 @@ class _Dataset:
 
 
 def _robot_and_task(episode: Episode) -> tuple[str, str]:
-    """Return the name of the robot, and its task in words."""
     robot = episode.preset_name or "endoscope"
     if episode.is_measured:
         return robot, f"bend the {robot} as in the measured log"
@@ -273,7 +268,6 @@ def _tasks(tasks: Mapping[str, int]) -> bytes:
 
 
 def _card(info: Mapping[str, Any]) -> str:
-    """Return the README.md of the dataset: what it holds, and how to load it."""
     return (
         card_environment()
         .get_template("lerobot_card.md.j2")

@@ -24,8 +24,7 @@ if TYPE_CHECKING:  # plain arrays are read without it
 Head = TypeVar("Head", bound="BaseModel")
 Item = TypeVar("Item")
 
-MOST_BYTES = 256 * MEBIBYTE
-"""Size of a file, and of all its arrays once they are unpacked [bytes]."""
+MOST_BYTES = 256 * MEBIBYTE  # size of a file, and of all its arrays once they are unpacked [bytes]
 MOST_ARRAYS = 10_000
 _KINDS = "biufU"
 _HEADER = 4096  # [bytes] of an array's description at most

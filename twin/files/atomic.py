@@ -34,16 +34,12 @@ class WholeFile:
     """Context manager: an open binary file that takes its final name when the block succeeds.
 
     Under an exception, the file that had the final name before stays as it was.
-
-    Attributes:
-        path: the final name.
-        open_path: while the block runs, a path for libraries that take no open file.
     """
 
     def __init__(self, path: str | Path) -> None:
         """Name the file; nothing is opened yet."""
         self.path = Path(path)
-        self.open_path = ""
+        self.open_path = ""  # while the block runs, a path for libraries that take no open file
 
     def __enter__(self) -> BinaryIO:
         """Open the file; refuse a name that a link, a folder or a device has."""
@@ -60,10 +56,7 @@ class WholeFile:
             self._file.close()
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         """Rename the file, or remove it under an exception. An `OSError` names the final path."""
         try:
@@ -118,10 +111,7 @@ class WholeFolder:
         return self._partial
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         """Rename the folder, or remove it under an exception. An `OSError` names the final path."""
         with self._claim:
@@ -146,10 +136,6 @@ class PartialFile:
     """Log of what cannot be repeated: it has a name, `NAME.partial`, from its first byte on.
 
     What a killed process left under that name is never overwritten: the next file grows as `NAME.partial.2`.
-
-    Attributes:
-        path: the final name.
-        partial: the name while it grows.
     """
 
     def __init__(self, path: str | Path, sign: str) -> None:

@@ -4,8 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-MOST_MEMBERS = 512
-"""Twins inside of an estimator at most."""
+MOST_MEMBERS = 512  # twins inside of an estimator at most
 MOST_NUMBERS = 4096  # of one array of reference steps
 
 Positive = Annotated[float, Field(ge=0, le=1e9)]

@@ -54,18 +54,10 @@ class CommandFormat:
         return names | ({self.lateral_command_column} if self.lateral_command_column else set())
 
 
-@dataclasses.dataclass(frozen=True)
-class RecordedCommand:
-    """Recorded command at even samples."""
-
-    pull: Array  # (N,) pulling distance of wire a [m]
-    lateral_pull: Array | None  # (N,) pulling distance of wire c [m]; None where the file commands none
-
-
 def read_command(
     path: Path, preset: Preset, sample_time: float, form: CommandFormat | None = None
-) -> RecordedCommand:
-    """Read a recorded command.
+) -> tuple[Array, Array | None]:
+    """Read a recorded command at even samples: pulls of wire a and, where there are some, of wire c (N,) [m].
 
     The file has a header. A command that is an angle is one of the preset's pulley. Samples at one time are
     averaged; between samples the command is linear.
@@ -89,7 +81,7 @@ def read_command(
         raise InputError(f"{path}: the command lasts {seconds:g} s, {most}")
     grid = np.arange(instants[0], instants[-1], sample_time)
     pull, *lateral = (np.interp(grid, instants, mean) for mean in means.T)
-    return RecordedCommand(pull, lateral[0] if lateral else None)
+    return pull, lateral[0] if lateral else None
 
 
 def _pull(table: CsvTable, name: str, preset: Preset, form: CommandFormat) -> Array:

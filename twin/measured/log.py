@@ -55,41 +55,27 @@ _TENSION_N = (-5.0, 1000.0)  # refused beyond; an unloaded load cell may drift b
 
 @dataclasses.dataclass(frozen=True)
 class LogFormat:
-    """Columns and units of a measured log; a unit of None is the ending of the column's name.
+    """Columns and units of a measured log; a unit of None is the ending of the column's name."""
 
-    Attributes:
-        command_column: column of the command.
-        command_unit: deg or rad for a pulley angle, mm or m for a pulling distance; of both commands.
-        pulley_radius: radius that converts a pulley angle to a pulling distance [m].
-        angle_column: column of the measured bending angle.
-        angle_unit: deg or rad; of both angles.
-        reverse_angle: True if the sensor counts a bend towards wire a as negative.
-        lateral_command_column: column of the command of wires c and d; None: a log of one bending plane.
-        lateral_angle_column: column of the measured angle in their plane.
-        reverse_lateral_angle: True if the sensor counts a bend towards wire c as negative.
-        time_column: column of the time or phase; None: time_s or phase_rad, whichever exists.
-        time_unit: s, ms or us; rad for a phase.
-        seconds_per_cycle: duration of a phase of 2 pi [s].
-        tension_a_column: column of the tension of wire a at the pulley [N]; None: tension_a_n, if both
-            tension_a_n and tension_b_n exist.
-        tension_b_column: the same for wire b.
-        sheath_bend_deg: bend angle of the sheath [deg]; None: the column of that name, if it exists.
-    """
-
-    command_column: str = "command_deg"
+    command_column: str = "command_deg"  # column of the command
+    # deg or rad for a pulley angle, mm or m for a pulling distance; of both commands
     command_unit: str | None = None
-    pulley_radius: float = 0.01
-    angle_column: str = "angle_deg"
-    angle_unit: str | None = None
-    reverse_angle: bool = False
+    pulley_radius: float = 0.01  # radius that converts a pulley angle to a pulling distance [m]
+    angle_column: str = "angle_deg"  # column of the measured bending angle
+    angle_unit: str | None = None  # deg or rad; of both angles
+    reverse_angle: bool = False  # True if the sensor counts a bend towards wire a as negative
+    # column of the command of wires c and d; None: a log of one bending plane
     lateral_command_column: str | None = None
-    lateral_angle_column: str | None = None
-    reverse_lateral_angle: bool = False
-    time_column: str | None = None
-    time_unit: str | None = None
-    seconds_per_cycle: float = SECONDS_PER_CYCLE
+    lateral_angle_column: str | None = None  # column of the measured angle in their plane
+    reverse_lateral_angle: bool = False  # True if the sensor counts a bend towards wire c as negative
+    time_column: str | None = None  # column of the time or phase; None: time_s or phase_rad, whichever exists
+    time_unit: str | None = None  # s, ms or us; rad for a phase
+    seconds_per_cycle: float = SECONDS_PER_CYCLE  # duration of a phase of 2 pi [s]
+    # column of the tension of wire a at the pulley [N]; None: tension_a_n, if both tension_a_n and
+    # tension_b_n exist
     tension_a_column: str | None = None
-    tension_b_column: str | None = None
+    tension_b_column: str | None = None  # the same for wire b
+    # bend angle of the sheath [deg]; None: the column of that name, if it exists
     sheath_bend_deg: float | None = None
 
     @property

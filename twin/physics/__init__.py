@@ -19,12 +19,4 @@ from twin.physics.endoscope import Endoscope, State  # noqa: E402
 from twin.physics.model import model_xml  # noqa: E402
 from twin.physics.simulation import MUJOCO, simulate  # noqa: E402
 
-__all__ = [
-    "MUJOCO",
-    "Endoscope",
-    "EndoscopeBatch",
-    "State",
-    "model_xml",
-    "simulate",
-    "simulate_batch",
-]
+__all__ = ["MUJOCO", "Endoscope", "EndoscopeBatch", "State", "model_xml", "simulate", "simulate_batch"]

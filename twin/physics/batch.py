@@ -123,7 +123,6 @@ class EndoscopeBatch:
             self._loads.observe_constraints(self._constraint, moving)
 
     def _let_go(self, models: Sequence[mujoco.MjModel]) -> None:
-        """Let curved sections go, as `Endoscope` does."""
         curved = np.array([any(preset.initial_bends) for preset in self.presets])
         if not curved.any():
             return

@@ -197,7 +197,6 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self._on_tip[:] = 0.0
 
     def _follow_load(self) -> None:
-        """Update friction and damping to the present wire tension."""
         drift = None
         if self._loads.drifts:
             drift = self._loads.drift(np.array([self.data.ptr.time]), np.array([self._travel]))

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 
 import mujoco
 
-from twin.episode import WIRES
+from twin.episode import WIRE_PLACES, WIRES
 from twin.files.assets import assets_folder
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import LEAST_FRICTION, hinge_groups, joint_friction
@@ -30,7 +30,6 @@ from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiff
 from twin.physics.layout import NEIGHBOURS, PLANES, WAYS
 from twin.preset.preset import Preset
 
-_PLACE = {"a": (0, 1), "b": (0, -1), "c": (1, 0), "d": (-1, 0)}  # of a wire across the section (y, z)
 _FAR = -1.0  # lower end of the dead band of a wire's spring [m]: never reached, so the wire never pushes
 # Inertia over stiffness times the time step squared: light, and still a smooth stick and slip. A wire's own
 # mass would need steps of microseconds; far less finds the friction of neighbours in more iterations.
@@ -148,7 +147,6 @@ def _add_weightless(parent: mujoco.MjsBody, name: str) -> mujoco.MjsBody:
 
 
 def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
-    """Add the bending section, a chain of links on hinges; returns the last one, the tip."""
     link = preset.section_length / preset.vertebrae
     body = spec.worldbody
     for index in range(preset.vertebrae):
@@ -169,7 +167,6 @@ def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
 
 
 def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int], curve: float) -> None:
-    """Add one hinge with an implicit spring."""
     count = preset.vertebrae
     stiffness = preset.section_stiffness * count
     damping = preset.section_damping * count + preset.time_step * stiffness
@@ -246,7 +243,6 @@ def _add_friction(spec: mujoco.MjSpec, preset: Preset) -> None:
 def _add_rubbing(
     spec: mujoco.MjSpec, preset: Preset, name: str, friction: float, joints: dict[str, float]
 ) -> None:
-    """Add dry friction against a combination of joints, with a coefficient of each."""
     tendon = spec.add_tendon(name=name, frictionloss=friction)
     _make_friction_dry(tendon, preset)
     for joint, coefficient in joints.items():
@@ -254,12 +250,11 @@ def _add_rubbing(
 
 
 def _draw_link(body: mujoco.MjsBody, link: float, preset: Preset) -> None:
-    """Add the visible parts of one link: a disc that guides the wires, on a slender backbone."""
     radius = preset.wire_offset
     _draw(body, "CAPSULE", 0, link, 0.45 * radius, "backbone")
     _draw(body, "CYLINDER", 0.28 * link, 0.72 * link, 1.05 * radius, "vertebra")
     for wire in WIRES[: preset.wires]:
-        place = [share * radius for share in _PLACE[wire]]
+        place = [share * radius for share in WIRE_PLACES[wire]]
         _draw(body, "CAPSULE", 0, link, 0.2 * radius, f"wire_{wire}", place)
 
 

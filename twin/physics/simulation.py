@@ -16,8 +16,7 @@ from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
 
-MUJOCO = mujoco.__version__
-"""Version of MuJoCo that simulates."""
+MUJOCO = mujoco.__version__  # version of MuJoCo that simulates
 
 
 def simulate(

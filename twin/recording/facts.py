@@ -7,6 +7,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from twin.errors import InputError
 from twin.files.bounds import check_name, wrong_name
+from twin.files.dataset_json import Statistics
 from twin.files.json_text import validated
 
 MOST_ITEMS = 1000
@@ -26,16 +27,6 @@ Number = Annotated[float, Field(ge=-1e300, le=1e300)]
 Positive = Annotated[float, Field(gt=0, le=1e9)]
 Length = Annotated[float, Field(ge=0, le=1e9)]
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
-
-
-class _Figures(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-    count: Whole
-    max: Number
-    mean: Number
-    min: Number
-    std: Number
 
 
 class PresetFacts(BaseModel):
@@ -69,7 +60,7 @@ class EpisodeFacts(BaseModel):
     stroke_mm: Pair | None = None  # lowest and highest pulling distance
     sheath_bend_deg: Pair | Number | None = None  # at the start and at the end, or throughout
     recipe_sha256: Name | None = None
-    statistics: Annotated[dict[str, _Figures], Field(max_length=100)] | None = None
+    statistics: Annotated[dict[str, Statistics], Field(max_length=100)] | None = None
     pulley_radius: Positive | None = None  # [m] converts angles of a measured drive to pulling distances
     seconds_per_cycle: Positive | None = None  # of a log of phases
     file: Text | None = None  # that a measured log was read from

@@ -51,10 +51,6 @@ class Feature:
         return UNITS[self.name.rpartition("_")[2]]
 
 
-def _tension(episode: Episode) -> Array:
-    return episode.tension if episode.wire_tension.shape[2] else np.empty(0)
-
-
 _FRICTION = "largest friction force of each element of the sheath on each wire, pulley to tip"
 _SLACK = "how much longer each length of each wire is than its path, pulley to tip"
 _TENSION = "tension in each length of each wire, pulley to tip"
@@ -70,7 +66,13 @@ FEATURES = (
         "bending angle of the tip as the sensor saw it",
         lambda e: e.measured_deg,
     ),
-    Feature("tension_n", "/tension", "tension of each wire at the pulley", _tension, per_wire=True),
+    Feature(
+        "tension_n",
+        "/tension",
+        "tension of each wire at the pulley",
+        lambda e: e.tension if e.wire_tension.shape[2] else np.empty(0),
+        per_wire=True,
+    ),
     Feature("truth_deg", "/truth", "true bending angle of the tip", lambda e: e.truth_deg),
     Feature(
         "lateral_bend_deg",

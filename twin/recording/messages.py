@@ -82,18 +82,11 @@ def decode(
     hidden: bool = True,
     measured: bool = False,
 ) -> dict[str, Array]:
-    """Decode the serialised messages of each topic into the arrays of an episode, by field name.
+    """Decode the messages of each topic, at log times [ns], into the arrays of an episode, by field name.
 
-    Args:
-        times: log times of the messages of each topic [ns].
-        payloads: the messages of each topic, in the same order.
-        hidden: False leaves out the wires, as if they were not recorded.
-        measured: True for a record of a real endoscope, which may have no `/truth`: `bend` is then the
-            measured angle, linear where it is missing and level at the ends.
-
-    Returns:
-        Arrays in SI units; what was not recorded has no columns, is empty or left out. `measured_bend` is NaN
-        at each sample without a message of `/measurement`.
+    They are in SI units; what was not recorded has no columns, is empty or left out. Without `hidden`, wires
+    are left out. A `measured` record may have no `/truth`: `bend` is then the measured angle, linear where it
+    is missing and level at the ends. `measured_bend` is NaN without a message of `/measurement`.
     """
     for topic in required_topics(measured=measured):
         if topic not in times:

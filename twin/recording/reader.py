@@ -54,22 +54,14 @@ _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time and publish tim
 
 
 class Contents:
-    """Contents of an MCAP file, up to its first fault.
-
-    Attributes:
-        times: log times of the messages by topic [ns].
-        payloads: the messages, in the same order.
-        items: metadata of the episode, each item as JSON; None if there are none.
-        attachments: files kept in the file, by name.
-        fault: what is wrong with the file; empty if nothing is.
-    """
+    """Contents of an MCAP file, up to its first fault."""
 
     def __init__(self, file_size: int, kept: Collection[str] = TOPICS) -> None:
-        self.times: dict[str, list[int]] = {}
-        self.payloads: dict[str, list[bytes]] = {}
-        self.items: dict[str, str] | None = None
-        self.attachments: dict[str, bytes] = {}
-        self.fault = ""
+        self.times: dict[str, list[int]] = {}  # log times of the messages by topic [ns]
+        self.payloads: dict[str, list[bytes]] = {}  # the messages, in the same order
+        self.items: dict[str, str] | None = None  # metadata of the episode, each item as JSON, if any
+        self.attachments: dict[str, bytes] = {}  # files kept in the file, by name
+        self.fault = ""  # what is wrong with the file; empty if nothing is
         self._kept = kept
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}

@@ -20,7 +20,7 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
-from twin.episode import WIRES, Episode
+from twin.episode import WIRE_COLOURS, WIRE_PLACES, WIRES, Episode
 from twin.errors import InputError
 from twin.recording.chunks import SECOND
 
@@ -31,12 +31,6 @@ _SHEATH = _TIP = (0.15, 0.17, 0.21)
 _BACKBONE = (0.42, 0.45, 0.50)
 _VERTEBRA = (0.60, 0.63, 0.68)
 _LENS = (0.35, 0.62, 0.85)
-_LOOKS = {  # colour, and place across the section (y, z)
-    "a": ((0.83, 0.18, 0.13), (0, 1)),
-    "b": ((0.12, 0.38, 0.75), (0, -1)),
-    "c": ((0.16, 0.55, 0.28), (1, 0)),
-    "d": ((0.90, 0.58, 0.10), (-1, 0)),
-}
 
 # Of the distance of the wires from the axis.
 _SHEATH_RADIUS, _TIP_RADIUS, _VERTEBRA_RADIUS, _LENS_RADIUS, _BACKBONE_RADIUS = 1.35, 1.3, 1.05, 0.6, 0.45
@@ -140,8 +134,8 @@ def _draw_link(entity: Any, link: float, offset: float, wires: str) -> None:
     _cylinder(entity, 0.0, link, _BACKBONE_RADIUS * offset, _BACKBONE)
     start, end = _VERTEBRA_BEGINS * link, _VERTEBRA_ENDS * link
     _cylinder(entity, start, end, _VERTEBRA_RADIUS * offset, _VERTEBRA, taper=_TAPER)
-    for wire in wires:
-        colour, (y, z) = _LOOKS[wire]
+    for wire, colour in zip(wires, WIRE_COLOURS, strict=False):
+        y, z = WIRE_PLACES[wire]
         line = entity.lines.add(type=LinePrimitive.LINE_STRIP, thickness=_WIRE_THICKNESS * offset)
         line.pose.orientation.w = 1.0
         for x in (0.0, link):

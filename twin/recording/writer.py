@@ -136,7 +136,6 @@ def _to_json(name: str, value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Convert NumPy scalars and arrays to numbers and lists for JSON."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"a {type(value).__name__} cannot be stored")

@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.episode import WIRES, Episode
+from twin.episode import WIRE_COLOURS, WIRES, Episode
 from twin.mechanics.kinematics import Frames, link_frames
 from twin.physics.drawing.canvas import Layer, View
 from twin.physics.drawing.drawn import DrawnEndoscope
@@ -17,8 +17,7 @@ from twin.physics.drawing.surfaces import sheath_frames
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-PLAIN = np.array([[0.83, 0.18, 0.13], [0.12, 0.38, 0.75], [0.16, 0.55, 0.28], [0.90, 0.58, 0.10]])
-"""Colour of each wire where no tension was recorded: a, b, c, d."""
+PLAIN = np.array(WIRE_COLOURS)
 _MAP, _DARK, _BRIGHT = "inferno", 0.28, 0.93
 _SHAPE = "section_length wire_offset sheath_bend sheath_elements sheath_length pulley_radius bending_planes"
 

@@ -15,17 +15,11 @@ QUALITY = 85  # JPEG quality of the pictures, out of 100
 
 @dataclasses.dataclass(frozen=True)
 class Camera:
-    """Frame rate and image size of a camera.
+    """Frame rate and image size of a camera."""
 
-    Attributes:
-        pictures_per_second: frame rate, above 0, at most 1000 [1 / s].
-        width: image width, even, 80 to 1280 [pixels].
-        height: image height, even, 120 to 1280 [pixels].
-    """
-
-    pictures_per_second: float = 10.0
-    width: int = 320
-    height: int = 240
+    pictures_per_second: float = 10.0  # frame rate, above 0, at most 1000 [1 / s]
+    width: int = 320  # image width, even, 80 to 1280 [pixels]
+    height: int = 240  # image height, even, 120 to 1280 [pixels]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pictures_per_second", float(self.pictures_per_second))

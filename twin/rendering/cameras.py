@@ -24,6 +24,14 @@ SIZE = 480  # width and height of a picture of a simulation [pixels]
 # Centre of a portrait's view in front of the base, and half its height, in lengths of the section: they hold
 # every arc of constant curvature, whose tip goes from -0.22 to 1 lengths ahead and 0.73 to a side.
 _AHEAD, _HALF_HEIGHT = 0.35, 0.9
+Array = NDArray[np.float64]
+_X, _Y, _Z = np.eye(3)
+_FIELD_OF_VIEW = np.radians(95)  # of the endoscope's own lens, top to bottom
+_SHADOW_ROOM = 0.07  # at the side and below what is seen, in lengths of the section
+_ROUND = 0.42  # radius of a round picture
+_ASIDE = (0.07, 0.045)  # by which it is right and low: the numbers are above
+_ELEVATION, _AZIMUTH = np.radians(33), np.radians(14)  # of the overview
+_REDUCED = 2  # a blurred picture is as good at half its size
 
 
 class Portrait:
@@ -47,16 +55,6 @@ class Portrait:
         length = self._drawn.preset.section_length
         self._drawn.stand(link_frames(joint_angle[None], np.empty(0), length), 0)
         return on_paper(self._drawn.draw(self._view), WHITE)
-
-
-Array = NDArray[np.float64]
-_X, _Y, _Z = np.eye(3)
-_FIELD_OF_VIEW = np.radians(95)  # of the endoscope's own lens, top to bottom
-_SHADOW_ROOM = 0.07  # at the side and below what is seen, in lengths of the section
-_ROUND = 0.42  # radius of a round picture
-_ASIDE = (0.07, 0.045)  # by which it is right and low: the numbers are above
-_ELEVATION, _AZIMUTH = np.radians(33), np.radians(14)  # of the overview
-_REDUCED = 2  # a blurred picture is as good at half its size
 
 
 class Caster(NamedTuple):

@@ -276,7 +276,6 @@ def _arrangement(
 
 
 def _side_by_side(width: int, height: int, count: int) -> list[Rectangle]:
-    """Return boxes next to one another in a wide picture, below one another in a high one."""
     if width >= height:
         return [Rectangle(left, 0, wide, height) for left, wide in _split(width, count)]
     return [Rectangle(0, top, width, high) for top, high in _split(height, count)]

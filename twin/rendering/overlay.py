@@ -17,21 +17,14 @@ _LONGEST_NAME = 24  # characters of a name for which the legend has room
 
 @dataclasses.dataclass(frozen=True)
 class Overlay:
-    """An episode with a ghost and a reference.
+    """An episode with a ghost and a reference."""
 
-    Attributes:
-        episode: what is drawn.
-        ghost: another run at the same times; drawn pale, below the episode.
-        reference_deg: (N,) reference angle, NaN where none is known [deg]; empty for none.
-        ghost_name: of the ghost in the legend; empty: a ghost, with the controller of its recording.
-        title: above the episode, where there are several.
-    """
-
-    episode: Episode
-    ghost: Episode | None = None
+    episode: Episode  # what is drawn
+    ghost: Episode | None = None  # another run at the same times; drawn pale, below the episode
+    # (N,) reference angle, NaN where none is known [deg]; empty for none
     reference_deg: Array = dataclasses.field(default_factory=lambda: np.empty(0))
-    ghost_name: str = ""
-    title: str = ""
+    ghost_name: str = ""  # of the ghost in the legend; empty: a ghost, with the controller of its recording
+    title: str = ""  # above the episode, where there are several
 
     def check(self) -> None:
         """Refuse a ghost at other times, or a reference of another length."""

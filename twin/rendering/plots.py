@@ -152,7 +152,6 @@ class TracePanel:
         self._traced.paste(self._colour, box, self._mask.crop(fine).reduce(_OVERSAMPLING))
 
     def _paste_dot(self, panel: Image.Image, index: int) -> None:
-        """Draw the spot at the end of the trace, at the precision of the line."""
         x, y = self._points[index]
         reach = int(self._dot / _OVERSAMPLING) + 2
         left, top = int(x / _OVERSAMPLING) - reach, int(y / _OVERSAMPLING) - reach

@@ -64,7 +64,6 @@ class Film:
         return self._with_speed(frame) if self._speed else frame
 
     def _with_speed(self, frame: Picture) -> Picture:
-        """Write the speed of the film into its upper right corner, or that of its view."""
         views, plots = self.composition.views, self.composition.plots
         box = views[-1].box if views else plots[-1].box
         if len(self.composition.overlays) == 1 and views:
@@ -165,13 +164,3 @@ def render(
             f"sheet = {sheet}: shows even times of one record: leave out the time and other records"
         )
     return render_sheet(overlays[0], path, sheet, look)
-
-
-def render_frame(
-    episode: Episode, index: int, *, width: int = 1280, height: int = 720, look: Look | None = None
-) -> Picture:
-    """Render one sample of an episode, (height, width, 3). For many samples, `Film` is faster."""
-    if not -len(episode.time) <= index < len(episode.time):
-        raise InputError(f"sample {index}: the episode has samples 0 to {len(episode.time) - 1}")
-    look = look or Look(size=(width, height))
-    return Film([Overlay(episode)], look).frame(index % len(episode.time))

@@ -262,7 +262,6 @@ def _show_layer(axes: Axes, layer: Layer, look: Look, marks: Sequence[Mark]) -> 
 
 
 def _write_figure(figure: Figure, path: Path, look: Look) -> None:
-    """Write a figure in the format of the path's ending, the same bytes each time."""
     buffer, ending = io.BytesIO(), path.suffix.lower()
     if ending == ".png":
         FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": MADE_BY})

@@ -189,7 +189,6 @@ def _paper_cell(score: Score, index: str, best: bool) -> html.Cell:
 
 
 def _error_table(scores: Sequence[Score]) -> Markup:
-    """Return the RMSE of every method under every noise."""
     noises = list(dict.fromkeys(score.condition for score in scores))
     cells = {(score.label, score.condition): f"{score.rmse_deg:.3f}" for score in scores}
     best = {

@@ -158,7 +158,9 @@ def training_figure(curves: dict[str, dict[str, Array]]) -> Figure:
         samples, cost = np.asarray(curves[agent]["samples"]), -np.asarray(curves[agent]["return"])
         style = style_of(agent, agents)
         axes.plot(samples / 1e3, cost, color=style.colour, linewidth=0.6, alpha=0.3)
-        smooth = _running_median(cost, max(len(cost) // 25, 1))
+        window = max(len(cost) // 25, 1)
+        padded = np.concatenate([np.full(window - 1, cost[0]), cost])
+        smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=-1)
         axes.plot(samples / 1e3, smooth, color=style.colour, linestyle=style.line, linewidth=1.6, label=agent)
     if all((np.asarray(curve["return"]) < 0).all() for curve in curves.values()):
         axes.set_yscale("log")
@@ -166,13 +168,6 @@ def training_figure(curves: dict[str, dict[str, Array]]) -> Figure:
     axes.set_ylabel("cost per step (negative reward) [deg²]")
     axes.legend(frameon=False, fontsize=8.5)
     return figure
-
-
-def _running_median(values: Array, window: int) -> Array:
-    """Median of the last `window` values at each place (M,)."""
-    padded = np.concatenate([np.full(window - 1, values[0]), values])
-    median: Array = np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=-1)
-    return median
 
 
 def rmse_figure(scores: Sequence[Score]) -> Figure:

@@ -22,6 +22,18 @@ MINUS = "\N{MINUS SIGN}"
 WIRES = {"wire a": (1.0, "#a8231c", "-"), "wire b": (-1.0, "#2b6ca3", (0, (4, 2)))}
 """Side, colour and line of each wire."""
 SHAFT = 12.0  # length of the shaft that is drawn below the bending section [mm]
+MOST_SAMPLES = 300  # samples that a page holds of an episode: the slider has no more places on a screen
+HINGES = 16  # equal hinges of the arc of an endoscope whose own were not recorded
+SIZE = 360  # width and height of both drawings [SVG units]
+LEFT, RIGHT, TOP, BOTTOM = 52, 12, 12, 46  # margins of the loop [SVG units]
+_THICK = 26  # thickness of the endoscope [SVG units]
+_CONTROLS = """
+<div class="controls" hidden>
+  <button type="button">Play</button>
+  <input type="range" min="0" max="{last}" value="{first}" aria-label="Time in the record">
+  <output></output>
+</div>
+<script type="application/json">{samples}</script>"""
 
 
 def bending_schematic(preset: Preset, episode: Episode) -> Figure:
@@ -33,7 +45,9 @@ def bending_schematic(preset: Preset, episode: Episode) -> Figure:
     axes.set_axis_off()
     length, offset = 1e3 * preset.section_length, 1e3 * preset.wire_offset
     link = length / preset.vertebrae
-    bent = _each_hinge(episode.joint_angle[place], preset.vertebrae)
+    bent = episode.joint_angle[place]
+    if len(bent) != preset.vertebrae:  # neighbours that the twin moves as one group share their angle
+        bent = np.full(preset.vertebrae, float(bent.sum()) / preset.vertebrae)
     for hinges, alpha in ((np.zeros(preset.vertebrae), 0.35), (bent, 1.0)):
         points, turned = _chain(hinges, link)
         for side, colour, line in WIRES.values():
@@ -62,11 +76,6 @@ def bending_schematic(preset: Preset, episode: Episode) -> Figure:
     return figure
 
 
-def _each_hinge(angles: Array, hinges: int) -> Array:
-    """Angles of all hinges: neighbours that the twin moves as one group share theirs."""
-    return angles if len(angles) == hinges else np.full(hinges, float(angles.sum()) / hinges)
-
-
 def _chain(hinges: Array, link: float) -> tuple[Array, Array]:
     """(n + 1, 2) places of hinges and tip [mm], and (n + 1,) directions there [rad]."""
     turned = np.concatenate([[0.0], np.cumsum(hinges)])
@@ -90,22 +99,7 @@ def _mark_angle(axes: Axes, tip: Array, direction: float, link: float) -> None:
 
 
 def _text(side: float) -> dict[str, Any]:
-    """Place a text to the right (1) or left (-1) of a point."""
     return {"fontsize": 8.5, "ha": "left" if side > 0 else "right", "va": "center"}
-
-
-MOST_SAMPLES = 300  # samples that a page holds of an episode: the slider has no more places on a screen
-HINGES = 16  # equal hinges of the arc of an endoscope whose own were not recorded
-SIZE = 360  # width and height of both drawings [SVG units]
-LEFT, RIGHT, TOP, BOTTOM = 52, 12, 12, 46  # margins of the loop [SVG units]
-_THICK = 26  # thickness of the endoscope [SVG units]
-_CONTROLS = """
-<div class="controls" hidden>
-  <button type="button">Play</button>
-  <input type="range" min="0" max="{last}" value="{first}" aria-label="Time in the record">
-  <output></output>
-</div>
-<script type="application/json">{samples}</script>"""
 
 
 def player(episode: Episode, name: str) -> Markup:

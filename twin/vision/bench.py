@@ -26,6 +26,19 @@ _SQUARES, _SQUARE_PIXELS, _SQUARE = (9, 7), 64, 0.125  # of the board; the last 
 _INK, _PAPER = 25, 235  # grey levels of print
 _FIRST_OF_BOARD = 10  # number of the board's first marker
 _STANDOFF = OUTER + 0.35  # of the markers in front of the axis, in distances of the wires
+Picture = NDArray[np.uint8]  # (height, width) grey levels
+Grey = NDArray[np.float32]
+Pair = tuple[Picture, Picture]  # left and right picture
+_BACKDROP = 190.0  # grey level of the background
+_ROD = (0.06, 4.0)  # radius and length, in lengths of the section
+_LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
+MOST_INSTANTS = 12  # most instants at which a moving scene is drawn for one picture
+_STILL_PX = 0.25  # motion that is not seen
+_SHOT_SHARE = 0.7  # of the variance at mid-grey that grows with the light; the rest is that of reading
+_SECONDS = (0.4, 2.5)  # that a pass takes
+_NEARNESS = (0.1, 0.5)  # of the rod, from what it hides to the cameras
+_SWEEP = 0.8  # half of its path, in lengths of the section
+_OFF_TARGET = 0.12  # by which it misses the middle of what it hides, likewise
 
 
 def marker_side(preset: Preset, rig: StereoRig) -> float:
@@ -87,21 +100,6 @@ def _printed_marker(number: int) -> NDArray[np.uint8]:
 
 def _in_print(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.where(picture > 127, _PAPER, _INK).astype(np.uint8)
-
-
-Picture = NDArray[np.uint8]  # (height, width) grey levels
-Grey = NDArray[np.float32]
-Pair = tuple[Picture, Picture]  # left and right picture
-_BACKDROP = 190.0  # grey level of the background
-_ROD = (0.06, 4.0)  # radius and length, in lengths of the section
-_LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
-MOST_INSTANTS = 12  # most instants at which a moving scene is drawn for one picture
-_STILL_PX = 0.25  # motion that is not seen
-_SHOT_SHARE = 0.7  # of the variance at mid-grey that grows with the light; the rest is that of reading
-_SECONDS = (0.4, 2.5)  # that a pass takes
-_NEARNESS = (0.1, 0.5)  # of the rod, from what it hides to the cameras
-_SWEEP = 0.8  # half of its path, in lengths of the section
-_OFF_TARGET = 0.12  # by which it misses the middle of what it hides, likewise
 
 
 class Bench:

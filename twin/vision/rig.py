@@ -17,46 +17,27 @@ class StereoRig:
     """Two cameras that look at the bending plane from the front, a little from the left and from the right.
 
     Distances are in lengths of the bending section, so that a rig fits every endoscope.
-
-    Attributes:
-        method: one of `METHODS`.
-        frames_per_second: pairs of pictures per second, at most one a sample [1 / s].
-        width: of a picture [pixels].
-        height: of a picture [pixels].
-        distance: from the cameras to the middle of what they see [section lengths].
-        angle_deg: between the axes of the two cameras [deg].
-        half_height: half the height that is seen in the bending plane [section lengths].
-        marker_size: side of a marker [section lengths].
-        blur_px: standard deviation of the lenses' blur [pixels].
-        exposure_s: time for which a row is exposed [s].
-        brightness: factor on the light; 1 leaves white below saturation.
-        pixel_noise: standard deviation of the noise of a pixel at mid-grey, of 255 levels.
-        rolling_shutter_s: time between the first and the last row of a picture [s]; 0: a global shutter.
-        occlusions_per_minute: how often an instrument passes before the cameras [1 / min].
-        distortion: scale of the lenses' radial distortion: k1 is about -0.1 times it.
-        calibration_views: pictures of the board that the cameras are calibrated with.
-        pictures_per_second: pairs that are recorded [1 / s]; 0: none.
-        seed: of mounting tolerances and of the calibration's pictures: another one is another rig.
     """
 
-    method: str = "markers"
-    frames_per_second: float = 10.0
-    width: int = 640
-    height: int = 480
-    distance: float = 6.0
-    angle_deg: float = 40.0
-    half_height: float = 0.88
-    marker_size: float = 0.2
-    blur_px: float = 0.7
-    exposure_s: float = 0.008
-    brightness: float = 1.0
-    pixel_noise: float = 3.0
+    method: str = "markers"  # one of `METHODS`
+    frames_per_second: float = 10.0  # pairs of pictures per second, at most one a sample [1 / s]
+    width: int = 640  # of a picture [pixels]
+    height: int = 480  # of a picture [pixels]
+    distance: float = 6.0  # from the cameras to the middle of what they see [section lengths]
+    angle_deg: float = 40.0  # between the axes of the two cameras [deg]
+    half_height: float = 0.88  # half the height that is seen in the bending plane [section lengths]
+    marker_size: float = 0.2  # side of a marker [section lengths]
+    blur_px: float = 0.7  # standard deviation of the lenses' blur [pixels]
+    exposure_s: float = 0.008  # time for which a row is exposed [s]
+    brightness: float = 1.0  # factor on the light; 1 leaves white below saturation
+    pixel_noise: float = 3.0  # standard deviation of the noise of a pixel at mid-grey, of 255 levels
+    # time between the first and the last row of a picture [s]; 0: a global shutter
     rolling_shutter_s: float = 0.0
-    occlusions_per_minute: float = 0.0
-    distortion: float = 1.0
-    calibration_views: int = 24
-    pictures_per_second: float = 1.0
-    seed: int = 0
+    occlusions_per_minute: float = 0.0  # how often an instrument passes before the cameras [1 / min]
+    distortion: float = 1.0  # scale of the lenses' radial distortion: k1 is about -0.1 times it
+    calibration_views: int = 24  # pictures of the board that the cameras are calibrated with
+    pictures_per_second: float = 1.0  # pairs that are recorded [1 / s]; 0: none
+    seed: int = 0  # of mounting tolerances and of the calibration's pictures: another one is another rig
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:

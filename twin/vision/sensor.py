@@ -126,7 +126,6 @@ _CALIBRATIONS: dict[tuple[float, ...], StereoCalibration] = {}
 
 
 def _calibrated(bench: Bench) -> StereoCalibration:
-    """Return the calibration of a bench's cameras, which all endoscopes of one length share."""
     key = (bench.preset.section_length, *(getattr(bench.rig, name) for name in _SEEN_OF_BOARD))
     if key not in _CALIBRATIONS:
         if len(_CALIBRATIONS) >= _MOST_CALIBRATIONS:

@@ -36,8 +36,6 @@ _BLUR = 0.8  # of the pictures, before edges are sought [pixels]
 
 @dataclasses.dataclass(frozen=True)
 class _Fit:
-    """Line fitted to the silhouettes."""
-
     coefficients: Array  # of its angle in each plane, (planes, degree) [rad]
     residual: float  # root mean square by which it misses their middle [pixels]
     seen: float  # share of its places where the worse camera sees both edges; 0 if the tip is hidden

@@ -119,15 +119,10 @@ LINEAR = register_controller(
 
 
 class LowPass:
-    """First-order low-pass of a measurement whose distance from the last output is clipped.
-
-    Attributes:
-        bend_deg: filtered measurement [deg].
-        rate_deg_s: its derivative [deg / s].
-    """
+    """First-order low-pass of a measurement whose distance from the last output is clipped."""
 
     def __init__(self, bend_deg: float, sample_time: float, cutoff_hz: float, clip_deg: float) -> None:
-        self.bend_deg, self.rate_deg_s = bend_deg, 0.0
+        self.bend_deg, self.rate_deg_s = bend_deg, 0.0  # filtered measurement, its derivative
         self._share = -math.expm1(-2 * math.pi * cutoff_hz * sample_time)
         self._clip_deg, self._sample_time = clip_deg, sample_time
 
@@ -145,10 +140,9 @@ class Pid(EstimateFeedback):
     """PI of `EstimateFeedback`, and a derivative of the filtered measurement."""
 
     def __init__(self, knowledge: ControlKnowledge, settings: Mapping[str, float]) -> None:
-        def make_filter(bend_deg: float) -> LowPass:
-            return LowPass(bend_deg, knowledge.sample_time, settings["cutoff_hz"], settings["clip_deg"])
-
-        super().__init__(knowledge, make_filter, settings)
+        given = {name: settings[name] for name in ("cutoff_hz", "clip_deg")}
+        low_pass = functools.partial(LowPass, sample_time=knowledge.sample_time, **given)
+        super().__init__(knowledge, low_pass, settings)
         self.estimator: LowPass
         self._derivative = settings["derivative_mm_s_per_deg"]
 

@@ -44,16 +44,11 @@ class TrackingView:
     3. rate of the reference towards the next sample [`RATE_DEG_S`];
     4. offset: command less the line's pull for the reference [`OFFSET_MM`];
     5. latest change of the command [speed limit times T].
-
-    Attributes:
-        line: of the nominal endoscope on the stroke.
-        limits: of the command.
-        sample_time: T [s].
     """
 
-    line: Line
-    limits: CommandLimits
-    sample_time: float
+    line: Line  # of the nominal endoscope on the stroke
+    limits: CommandLimits  # of the command
+    sample_time: float  # T [s]
 
     @property
     def way_mm(self) -> float:
@@ -106,17 +101,11 @@ _TRAINER = "`rl.tracking_training`"
 
 @dataclasses.dataclass(frozen=True)
 class TrackingPolicy:
-    """A trained actor: an observation in, an action out.
+    """A trained actor: an observation in, an action out."""
 
-    Attributes:
-        network: the trained file.
-        sample_time: T that it was trained at [s].
-        speed_mm_s: speed limit that it was trained with [mm / s].
-    """
-
-    network: TrainedFile
-    sample_time: float
-    speed_mm_s: float
+    network: TrainedFile  # the trained file
+    sample_time: float  # T that it was trained at [s]
+    speed_mm_s: float  # speed limit that it was trained with [mm / s]
 
     def __call__(self, observation: Observation) -> float:
         """Return the action for one observation of `TrackingView`."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from twin.episode import WIRES
+from twin.episode import WIRE_PLACES, WIRES
 from twin.files.assets import assets_folder
 from twin.mechanics.kinematics import Frames
 from twin.physics.drawing.canvas import Canvas, Layer, View
@@ -37,7 +37,6 @@ SCENES = ("bench", "overview", "lumen")  # a straight shaft; sheath and pulleys;
 SLEEVES = ("cut", "whole", "none")  # of the bending section
 AWAY = np.array([0.0, 1e3, 0.0])  # place of what is not in use [m]: far beyond everything
 OUTER = 1.40  # radius of sleeve and sheath
-WIRE_PLACES = {"a": (0.0, 1.0), "b": (0.0, -1.0), "c": (1.0, 0.0), "d": (-1.0, 0.0)}  # across, (y, z)
 
 _PALER = 2.1
 _CAP, _INNER, _VERTEBRA, _CORE, _WIRE = 1.46, 1.26, 0.94, 0.42, 0.19
@@ -206,7 +205,6 @@ def add_section(spec: mujoco.MjSpec, preset: Preset, bones: Bones, sleeve: str) 
 
 
 def _add_inside(spec: mujoco.MjSpec, preset: Preset, bones: Bones) -> None:
-    """Add vertebrae, core and wires."""
     radius, link = preset.wire_offset, preset.section_length / preset.vertebrae
     length, count = preset.section_length, preset.vertebrae
     for index in range(count):
@@ -348,7 +346,6 @@ def _between(
     shape: str = "CYLINDER",
     name: str = "",
 ) -> None:
-    """Add a cylinder, or another shape with an axis, from one point to another one."""
     body.add_geom(
         name=name,
         type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape}"),
@@ -366,7 +363,6 @@ def _cylinder(
     material: str,
     place: tuple[float, float] = (0.0, 0.0),
 ) -> None:
-    """Add a cylinder along x."""
     _between(body, (start, *place), (end, *place), radius, material)
 
 

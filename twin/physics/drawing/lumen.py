@@ -5,6 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from twin.physics.drawing.surfaces import Faces, grid_faces
+
 Array = NDArray[np.float64]
 
 _SEED = 7  # of its shape and its vessels: there is one lumen
@@ -24,10 +26,7 @@ def add_lumen(spec: mujoco.MjSpec, section_length: float) -> None:
     # The poles, where a texture is drawn together, lie across the bending plane, out of sight.
     way = np.stack([np.sin(grid) * np.cos(turn), np.cos(grid), np.sin(grid) * np.sin(turn)], axis=-1)
     vertices = way * (_RADIUS * _relief(way, rng) * section_length)[..., None]
-    index = np.arange(vertices[..., 0].size).reshape(grid.shape)
-    here, right = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
-    below, across = index[1:, :-1].ravel(), index[1:, 1:].ravel()
-    faces = np.concatenate([np.stack([here, below, across], 1), np.stack([here, across, right], 1)])
+    faces = grid_faces(*grid.shape)[:, ::-1]
     spec.add_mesh(
         name="lumen",
         uservert=vertices.ravel().tolist(),
@@ -67,7 +66,7 @@ def _relief(way: Array, rng: np.random.Generator) -> Array:
     return relief
 
 
-def _inward_normals(vertices: Array, faces: NDArray[np.intp]) -> Array:
+def _inward_normals(vertices: Array, faces: Faces) -> Array:
     corners = vertices[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros_like(vertices)

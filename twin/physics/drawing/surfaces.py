@@ -113,7 +113,6 @@ def _sheet(along: Array, radius: Array, opening: Array, sides: int, towards: flo
 
 
 def _strip(first: Array, second: Array) -> Surface:
-    """Return the band between two lines of vertices (n, 3)."""
     return Surface(np.concatenate([first, second]), grid_faces(2, len(first)))
 
 
