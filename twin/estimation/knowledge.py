@@ -65,30 +65,21 @@ class TrainingFit(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class Knowledge:
-    """Knowledge before the test, at one sample time.
+    """Knowledge before the test, at one sample time."""
 
-    Attributes:
-        sample_time: T [s].
-        models: identified models of hysteresis, by name.
-        records: training records at this sample time; may be empty.
-        seed: of what is drawn for fits.
-        fits: result of each `TrainingFit`, by its key.
-        trained: files of each trained agent, one for each training run.
-        training: index of the training run, or of the ensemble, that a method is built from.
-        ensembles: files of twins along the test's commands, of each ensemble; no twin is in two of them.
-        smallest_wire_offset: that a twin may have [m].
-        twins: preset and ranges of twins that may be simulated for a training run.
-    """
-
-    sample_time: float
-    models: Mapping[str, HysteresisModel]
-    records: Sequence[TrainingRecord] = ()
-    seed: int = 0
+    sample_time: float  # T [s]
+    models: Mapping[str, HysteresisModel]  # identified models of hysteresis, by name
+    records: Sequence[TrainingRecord] = ()  # training records at this sample time; may be empty
+    seed: int = 0  # of what is drawn for fits
+    # result of each `TrainingFit`, by its key
     fits: Mapping[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
+    # files of each trained agent, one for each training run
     trained: Mapping[str, tuple[Path, ...]] = dataclasses.field(default_factory=dict)
-    training: int = 0
+    training: int = 0  # index of the training run, or of the ensemble, that a method is built from
+    # files of twins along the test's commands, of each ensemble; no twin is in two of them
     ensembles: tuple[tuple[Path, ...], ...] = ()
-    smallest_wire_offset: float | None = None
+    smallest_wire_offset: float | None = None  # that a twin may have [m]
+    # preset and ranges of twins that may be simulated for a training run
     twins: "tuple[Preset, Ranges] | None" = None
 
     @property
@@ -117,23 +108,15 @@ class Knowledge:
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """B runs over records, each with its own measurements.
+    """B runs over records, each with its own measurements."""
 
-    Attributes:
-        pull_mm: (B, N) commanded pulling distance [mm].
-        measurement_deg: (B, N) measured bending angle, NaN where there is none [deg].
-        initial_bend_deg: (B,) initial estimate, wrong on purpose [deg].
-        sensor: variance and largest magnitude of each run's noise, known to the filters.
-        noises: (B,) kind and level of each run's noise: for the limit alone, which knows all of it.
-        truth_deg: (B, N) true angle, given to oracles alone [deg].
-    """
-
-    pull_mm: Array
-    measurement_deg: Array
-    initial_bend_deg: Array
-    sensor: Sensor
+    pull_mm: Array  # (B, N) commanded pulling distance [mm]
+    measurement_deg: Array  # (B, N) measured bending angle, NaN where there is none [deg]
+    initial_bend_deg: Array  # (B,) initial estimate, wrong on purpose [deg]
+    sensor: Sensor  # variance and largest magnitude of each run's noise, known to the filters
+    # (B,) kind and level of each run's noise: for the limit alone, which knows all of it
     noises: tuple[tuple[str, float], ...] = ()
-    truth_deg: Array | None = None
+    truth_deg: Array | None = None  # (B, N) true angle, given to oracles alone [deg]
 
 
 CaseEstimator = Callable[[Case], Array]  # returns (B, N) estimated angles [deg] of a case

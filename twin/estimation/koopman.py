@@ -4,11 +4,10 @@ EDMD by least squares: Williams et al. 2015; with inputs and delays as observabl
 bilinear in the command: Bruder et al. 2021. The lifted state holds the last angles, the newest first,
 psi = [theta_k, ..., theta_(k-d)], and its first row moves by
 
-    theta_(k+1) = (e_0 + g_0 + |dl| g_1 + dl g_2) psi + sum_i [dl, |dl| l, |dl|, dl l]_(k+1-i) h_i,
+    theta_(k+1) = (e_0 + g_0 + |dl| g_1) psi + sum_i [dl, |dl| l]_(k+1-i) h_i,
 
-where g_0 sums to zero, so that an angle at rest may be any, and where the sheath is symmetric what bends one
-way bends the other: g_2 and the last two features are left out. Coleman and Hodgdon's model lies in this
-span: d = 0, g_1 = -a, h = [c, a b].
+where g_0 sums to zero, so that an angle at rest may be any. What bends one way bends the other: there are no
+features dl psi, |dl| and dl l. Coleman and Hodgdon's model lies in this span: d = 0, g_1 = -a, h = [c, a b].
 
 The transition holds increments alone, neither pull nor angle. A model that forgets its first angle along the
 training commands therefore forgets it along the same movements about any other pull, and what drives it is
@@ -44,10 +43,8 @@ RIDGES = (1e-8, 1e-6, 1e-4)  # as a fraction of the features' mean square
 class KoopmanFilter(GaussianFilter):
     """The Kalman filter of a lifted model whose first state is the angle and whose others are its past."""
 
-    # (2 or 3, d + 1) rows e_0 + g_0, g_1 [1 / mm] and, where not symmetric, g_2 [1 / mm]
-    gates: Array
-    # (2 or 4, d + 1) rows h by feature [deg / mm, deg / mm^2, ...], columns by delay i
-    drives: Array
+    gates: Array  # (2, d + 1) rows e_0 + g_0 and g_1 [1 / mm]
+    drives: Array  # (2, d + 1) rows h by feature [deg / mm], [deg / mm^2], columns by delay i
     # Q of the newest angle per sample; from a fit, its residual variance, until it is tuned [deg^2]
     process_variance: float
     measurement_variance: ArrayLike = 0.1  # R [deg^2], one for all filters or (B,)
@@ -58,11 +55,6 @@ class KoopmanFilter(GaussianFilter):
     def delays(self) -> int:
         """Number of past angles, d."""
         return int(self.gates.shape[1]) - 1
-
-    @property
-    def symmetric(self) -> bool:
-        """True where the model bends alike both ways."""
-        return len(self.gates) == 2
 
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the sensor's variance as R."""
@@ -100,11 +92,11 @@ class KoopmanFilter(GaussianFilter):
     def row(self, pulls_mm: Array) -> Array:
         """Return the first row of the transition (d + 1, ...) for pulls (d + 2, ...), newest first [mm]."""
         increment = pulls_mm[0] - pulls_mm[1]
-        return np.tensordot(self.gates, _gates(increment, self.symmetric), axes=(0, 0))
+        return np.tensordot(self.gates, _gates(increment), axes=(0, 0))
 
     def drive(self, pulls_mm: Array) -> Array:
         """Return what the command adds to the newest angle (...) [deg], from the same pulls."""
-        return np.tensordot(self.drives, _drives(pulls_mm, self.symmetric), axes=((0, 1), (0, 1)))
+        return np.tensordot(self.drives, _drives(pulls_mm), axes=((0, 1), (0, 1)))
 
     def response(self, pull_mm: Array, bend_deg0: ArrayLike) -> Array:
         """Return the model's angle (B, N) along commands (N,) or (B, N) from first angles, no measurement."""
@@ -121,10 +113,7 @@ class KoopmanFilter(GaussianFilter):
 
 
 def fit_koopman(
-    records: Sequence[TrainingRecord],
-    delays: int | None = None,
-    ridge: float | None = None,
-    symmetric: bool = True,
+    records: Sequence[TrainingRecord], delays: int | None = None, ridge: float | None = None
 ) -> KoopmanFilter:
     """Fit the lifted model to the truth of the training records, which RAM's reward sees too.
 
@@ -135,14 +124,14 @@ def fit_koopman(
     """
     tried = (DELAYS if delays is None else [delays], RIDGES if ridge is None else [ridge])
     choices: list[tuple[int, float]] = list(itertools.product(*tried))
-    fitted = [_fit(records, *choice, symmetric) for choice in choices]
+    fitted = [_fit(records, *choice) for choice in choices]
     stable = [choice for choice, model in zip(choices, fitted, strict=True) if _forgets(model, records)]
     if not stable:
         raise InputError(
             f"(delays, ridge) in {choices}: no model forgets its first angle along the training commands; "
             "give fewer delays, a larger ridge, or records in which the tendon moves further"
         )
-    scores = [_left_out_rmse_deg(records, past, penalty, symmetric) for past, penalty in stable]
+    scores = [_left_out_rmse_deg(records, past, penalty) for past, penalty in stable]
     return fitted[choices.index(stable[int(np.argmin(scores))])]
 
 
@@ -163,9 +152,9 @@ def tune_koopman(koopman: KoopmanFilter, episodes: TrainingEpisodes) -> KoopmanF
     return with_variances(nelder_mead(cost, start, xatol=0.02, fatol=0.1, maxfev=150))
 
 
-def _fit(records: Sequence[TrainingRecord], delays: int, ridge: float, symmetric: bool) -> KoopmanFilter:
+def _fit(records: Sequence[TrainingRecord], delays: int, ridge: float) -> KoopmanFilter:
     """Least squares of the angle's increment on the lifted features, each scaled to unit mean square."""
-    features, targets = zip(*(_regression(*record, delays, symmetric) for record in records), strict=True)
+    features, targets = zip(*(_regression(*record, delays) for record in records), strict=True)
     X, y = np.concatenate(features), np.concatenate(targets)
     scale = np.sqrt(np.mean(X**2, axis=0))
     scale[scale == 0] = 1.0  # a feature that never moves gets no weight
@@ -173,38 +162,36 @@ def _fit(records: Sequence[TrainingRecord], delays: int, ridge: float, symmetric
     penalised = np.concatenate([X / scale, np.sqrt(ridge * len(X)) * np.eye(size)])
     weights = np.linalg.lstsq(penalised, np.concatenate([y, np.zeros(size)]))[0] / scale
 
-    rest, gated, drives = np.split(weights, [delays, delays + (1 if symmetric else 2) * (delays + 1)])
+    rest, gated, drives = np.split(weights, [delays, 2 * delays + 1])
     at_rest = np.concatenate([[1 - rest.sum()], rest])  # e_0 + g_0
     gates = np.concatenate([at_rest[None], gated.reshape(-1, delays + 1)])
     variance = float(np.mean((y - X @ weights) ** 2))
     return KoopmanFilter(gates, drives.reshape(-1, delays + 1), variance)
 
 
-def _regression(pull_mm: Array, bend_deg: Array, delays: int, symmetric: bool) -> tuple[Array, Array]:
+def _regression(pull_mm: Array, bend_deg: Array, delays: int) -> tuple[Array, Array]:
     """Features (samples, features) and increments of the angle (samples,) of one record."""
     now = np.arange(delays + 1, len(pull_mm))
     angles = np.stack([bend_deg[now - 1 - i] for i in range(delays + 1)])  # (d + 1, samples)
     pulls = np.stack([pull_mm[now - i] for i in range(delays + 2)])
-    gates = _gates(pulls[0] - pulls[1], symmetric)[1:]
+    gates = _gates(pulls[0] - pulls[1])[1:]
     columns = [
         angles[1:] - angles[0],
         (gates[:, None] * angles).reshape(-1, len(now)),
-        _drives(pulls, symmetric).reshape(-1, len(now)),
+        _drives(pulls).reshape(-1, len(now)),
     ]
     return np.concatenate(columns).T, bend_deg[now] - bend_deg[now - 1]
 
 
-def _gates(increment_mm: Array, symmetric: bool) -> Array:
-    """(2 or 3, ...) what multiplies the lifted state: 1, |dl| and, where not symmetric, dl."""
-    gates = [np.ones_like(increment_mm), np.abs(increment_mm), increment_mm]
-    return np.stack(gates[:2] if symmetric else gates)
+def _gates(increment_mm: Array) -> Array:
+    """(2, ...) what multiplies the lifted state: 1 and |dl|."""
+    return np.stack([np.ones_like(increment_mm), np.abs(increment_mm)])
 
 
-def _drives(pulls_mm: Array, symmetric: bool) -> Array:
-    """(2 or 4, d + 1, ...) what drives the angle, from (d + 2, ...) pulls, the newest first."""
-    pull, increment = pulls_mm[:-1], pulls_mm[:-1] - pulls_mm[1:]
-    drives = [increment, np.abs(increment) * pull, np.abs(increment), increment * pull]
-    return np.stack(drives[:2] if symmetric else drives)
+def _drives(pulls_mm: Array) -> Array:
+    """(2, d + 1, ...) what drives the angle, from (d + 2, ...) pulls, the newest first."""
+    increment = pulls_mm[:-1] - pulls_mm[1:]
+    return np.stack([increment, np.abs(increment) * pulls_mm[:-1]])
 
 
 def _forgets(model: KoopmanFilter, records: Sequence[TrainingRecord]) -> bool:
@@ -214,16 +201,14 @@ def _forgets(model: KoopmanFilter, records: Sequence[TrainingRecord]) -> bool:
     return bool((np.abs(left) < 1).all())  # not, where it is NaN
 
 
-def _left_out_rmse_deg(
-    records: Sequence[TrainingRecord], delays: int, ridge: float, symmetric: bool
-) -> float:
+def _left_out_rmse_deg(records: Sequence[TrainingRecord], delays: int, ridge: float) -> float:
     if len(records) == 1:
         pull, bend = records[0]
         half = len(pull) // 2
         records = [(pull[:half], bend[:half]), (pull[half:], bend[half:])]
     errors = []
     for left_out, (pull, bend) in enumerate(records):
-        model = _fit([*records[:left_out], *records[left_out + 1 :]], delays, ridge, symmetric)
+        model = _fit([*records[:left_out], *records[left_out + 1 :]], delays, ridge)
         errors.append(model.response(pull, bend[0])[0] - bend)
     with np.errstate(over="ignore", invalid="ignore"):
         rmse = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))

@@ -26,31 +26,18 @@ _GOOD = Health.GOOD  # looked up once: an attribute of an enumeration takes as l
 
 @dataclasses.dataclass(frozen=True)
 class StreamLimits:
-    """Limits of plausible samples; wide enough that a healthy stream never meets them.
+    """Limits of plausible samples; wide enough that a healthy stream never meets them."""
 
-    Attributes:
-        bend_deg: magnitude of a measurement [deg].
-        pull_mm: magnitude of a pull [mm].
-        time_s: magnitude of a time stamp [s].
-        pause_s: longest pause of a stream; a stamp farther ahead is of another clock [s].
-        pull_jump_mm: move of the pull between two samples, whatever the time between them [mm].
-        pull_speed_mm_s: speed of the pull beyond that; our commands stay below 10 mm/s [mm / s].
-        outlier_deg: distance from the last estimate that is never too far [deg].
-        outlier_factor: how much farther, relative to the recent usual distance.
-        outlier_most_deg: distance that is always too far; the error of a first estimate is not [deg].
-        agreement_s: time for which refused values must agree before they are accepted [s].
-    """
-
-    bend_deg: float = LARGEST_BEND_DEG
-    pull_mm: float = LARGEST_PULL_MM
-    time_s: float = LARGEST_TIME_S
-    pause_s: float = 86_400.0
-    pull_jump_mm: float = 0.5
-    pull_speed_mm_s: float = 12.0
-    outlier_deg: float = 10.0
-    outlier_factor: float = 3.0
-    outlier_most_deg: float = 90.0
-    agreement_s: float = 0.5
+    bend_deg: float = LARGEST_BEND_DEG  # magnitude of a measurement [deg]
+    pull_mm: float = LARGEST_PULL_MM  # magnitude of a pull [mm]
+    time_s: float = LARGEST_TIME_S  # magnitude of a time stamp [s]
+    pause_s: float = 86_400.0  # longest pause of a stream; a stamp farther ahead is of another clock [s]
+    pull_jump_mm: float = 0.5  # move of the pull between two samples, whatever the time between them [mm]
+    pull_speed_mm_s: float = 12.0  # speed of the pull beyond that; our commands stay below 10 mm/s [mm / s]
+    outlier_deg: float = 10.0  # distance from the last estimate that is never too far [deg]
+    outlier_factor: float = 3.0  # how much farther, relative to the recent usual distance
+    outlier_most_deg: float = 90.0  # distance that is always too far; an error at the start is not [deg]
+    agreement_s: float = 0.5  # time for which refused values must agree before they are accepted [s]
 
     def __post_init__(self) -> None:
         for name, limit in vars(self).items():

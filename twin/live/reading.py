@@ -11,39 +11,22 @@ _ROUNDING_DEG = 1e-6
 
 
 class Health(enum.Flag):
-    """Faults of one sample of a live stream, any number of them together; `Health.GOOD` is none.
+    """Faults of one sample of a live stream, any number of them together; `Health.GOOD` is none."""
 
-    Attributes:
-        GOOD: no fault.
-        NO_TIME: the time stamp is not finite or beyond all dates: the sample is ignored.
-        LATE: it is not later than the one before: the sample is ignored.
-        CLOCK_JUMP: it is farther ahead than the longest pause: the sample is ignored.
-        CLOCK_RESET: after samples on another clock that agree, the stream goes on by that clock from here.
-        GAP: samples are missing before this one; predictions took their place.
-        NO_PULL: the pull is not finite: the last one is held.
-        IMPLAUSIBLE_PULL: the pull is beyond its limit, or too far from the last one: the last one is held.
-        NO_MEASUREMENT: the measurement is not finite: it is missing.
-        IMPLAUSIBLE_MEASUREMENT: it is beyond its limit: it counts as missing.
-        OUTLIER: it is too far from the last estimate: it counts as missing.
-        REFUSED: a step led to an impossible state, and was not taken.
-        RESTARTED: the estimator restarted at this sample.
-        WAITING: no pull has come yet: the stream has not begun.
-    """
-
-    GOOD = 0
-    NO_TIME = enum.auto()
-    LATE = enum.auto()
-    CLOCK_JUMP = enum.auto()
-    CLOCK_RESET = enum.auto()
-    GAP = enum.auto()
-    NO_PULL = enum.auto()
-    IMPLAUSIBLE_PULL = enum.auto()
-    NO_MEASUREMENT = enum.auto()
-    IMPLAUSIBLE_MEASUREMENT = enum.auto()
-    OUTLIER = enum.auto()
-    REFUSED = enum.auto()
-    RESTARTED = enum.auto()
-    WAITING = enum.auto()
+    GOOD = 0  # no fault
+    NO_TIME = enum.auto()  # the time stamp is not finite or beyond all dates: the sample is ignored
+    LATE = enum.auto()  # it is not later than the one before: the sample is ignored
+    CLOCK_JUMP = enum.auto()  # it is farther ahead than the longest pause: the sample is ignored
+    CLOCK_RESET = enum.auto()  # the stream goes on by another clock, on which samples have agreed
+    GAP = enum.auto()  # samples are missing before this one; predictions took their place
+    NO_PULL = enum.auto()  # the pull is not finite: the last one is held
+    IMPLAUSIBLE_PULL = enum.auto()  # it is beyond its limit, or too far from the last one, which is held
+    NO_MEASUREMENT = enum.auto()  # the measurement is not finite: it is missing
+    IMPLAUSIBLE_MEASUREMENT = enum.auto()  # it is beyond its limit: it counts as missing
+    OUTLIER = enum.auto()  # it is too far from the last estimate: it counts as missing
+    REFUSED = enum.auto()  # a step led to an impossible state, and was not taken
+    RESTARTED = enum.auto()  # the estimator restarted at this sample
+    WAITING = enum.auto()  # no pull has come yet: the stream has not begun
 
 
 class Alarm(enum.Flag):
@@ -51,34 +34,20 @@ class Alarm(enum.Flag):
 
     Those from INNOVATION to LOST are about the trained estimator: three samples in a row with any of them
     switch to the fallback, one where it restarted. The others are about the sample.
-
-    Attributes:
-        NONE: no alarm.
-        INNOVATION: over 2.5 s it predicts measurements worse than the fallback, or is off by a constant.
-        DISAGREEMENT: it is farther from the fallback than both intervals allow.
-        RANGE: its estimate is far beyond the angles that it was trained on.
-        RATE: its estimate moves faster than the endoscope and the noise can.
-        COMMAND: the command is beyond the distances or the speed that it was trained on.
-        INTERVAL: its interval is not a number, or wider than 90 deg to each side.
-        LOST: it restarted where the fallback had no need to, or a step of it led to an impossible state.
-        STUCK: the sensor has repeated one number for too long, and counts as missing.
-        TIMEOUT: no measurement has come for too long.
-        INPUT: this sample was faulty (`Reading.health`), or its measurement is far from both predictions.
-        BEGINNING: too few samples have come to judge.
     """
 
-    NONE = 0
-    INNOVATION = enum.auto()
-    DISAGREEMENT = enum.auto()
-    RANGE = enum.auto()
-    RATE = enum.auto()
-    COMMAND = enum.auto()
-    INTERVAL = enum.auto()
-    LOST = enum.auto()
-    STUCK = enum.auto()
-    TIMEOUT = enum.auto()
-    INPUT = enum.auto()
-    BEGINNING = enum.auto()
+    NONE = 0  # no alarm
+    INNOVATION = enum.auto()  # over 2.5 s it predicts worse than the fallback, or is off by a constant
+    DISAGREEMENT = enum.auto()  # it is farther from the fallback than both intervals allow
+    RANGE = enum.auto()  # its estimate is far beyond the angles that it was trained on
+    RATE = enum.auto()  # its estimate moves faster than the endoscope and the noise can
+    COMMAND = enum.auto()  # the command is beyond the distances or the speed that it was trained on
+    INTERVAL = enum.auto()  # its interval is not a number, or wider than 90 deg to each side
+    LOST = enum.auto()  # it restarted where the fallback need not, or a step led to an impossible state
+    STUCK = enum.auto()  # the sensor has repeated one number for too long, and counts as missing
+    TIMEOUT = enum.auto()  # no measurement has come for too long
+    INPUT = enum.auto()  # this sample was faulty (`Reading.health`), or is far from both predictions
+    BEGINNING = enum.auto()  # too few samples have come to judge
 
 
 class Source(enum.Enum):
