@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rl.trainers import RATES, OnProgress, Trainer, register_trainer
-from rl.twins.graph import export_twins, export_with_model
+from rl.twins.graph import export_twins
 from rl.twins.learning import fit_ood_detector, learn_noise_models
 from rl.twins.members import choose_members
 from rl.twins.memory_step import HIDDEN, MemoryStep
@@ -75,10 +75,7 @@ RAM_MEMORY_SETTINGS = NetworkTraining(width=72)
 
 assert methods.RAM_MEMORY.training is not None
 train_ram_memory = functools.partial(
-    train_with_model,
-    methods.RAM_MEMORY.training,
-    lambda settings: MemoryStep(settings.width),
-    export_with_model,
+    train_with_model, methods.RAM_MEMORY.training, lambda settings: MemoryStep(settings.width)
 )
 """Train RAM (memory) into a folder, as `train_with_model` does."""
 
@@ -93,15 +90,8 @@ def train_ram_twins(
     """Train RAM (twins) into a folder, as `train_on_twins` does; the file contains the members too."""
 
     def choose(on_share: OnShare) -> MemberSet:
-        return choose_members(
-            preset,
-            ranges,
-            settings.members,
-            settings.seed,
-            moving=settings.moving,
-            stroke_mm=settings.stroke_mm,
-            on_progress=on_share,
-        )
+        size, stroke_mm = (settings.members, settings.seed, settings.moving), settings.stroke_mm
+        return choose_members(preset, ranges, *size, stroke_mm=stroke_mm, on_progress=on_share)
 
     def begin(records: TwinArrays) -> tuple[TwinsStep, Prediction]:
         step = TwinsStep(
@@ -121,19 +111,19 @@ def train_ram_twins(
             lambda update, _: on_share(update, settings.noise_model_updates),
         )
 
-    def guard(step: TwinsStep, source: SequenceSource) -> None:
-        fit_ood_detector(step, source, settings)
-
-    def export(step: TwinsStep, description: dict[str, Any], path: Path) -> None:
-        export_twins(step, settings.members, description, path)
-
     def explore(step: TwinsStep, source: SequenceSource, on_share: OnShare, on_weights: OnWeights) -> None:
         from rl.twins.ppo import learn_by_ppo  # here: other trainings need no stable-baselines3
 
         learn_by_ppo(step, source, settings, on_share, on_weights)
 
     learner = Learner(
-        ram_twins.TRAINING, begin, export, choose, prepare=learn_noise, explore=explore, guard=guard
+        ram_twins.TRAINING,
+        begin,
+        lambda step, *written: export_twins(step, settings.members, *written),
+        choose,
+        prepare=learn_noise,
+        explore=explore,
+        guard=lambda step, source: fit_ood_detector(step, source, settings),
     )
     return train_on_twins(learner, preset, ranges, settings, folder, on_progress)
 
@@ -155,7 +145,7 @@ for _rival in RIVALS.values():
     assert _rival.spec.training is not None
     _register(
         _rival.spec,
-        functools.partial(train_with_model, _rival.spec.training, _rival.untrained, export_with_model),
+        functools.partial(train_with_model, _rival.spec.training, _rival.untrained),
         _rival.settings,
         {"width": _rival.widths},
     )

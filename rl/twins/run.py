@@ -14,6 +14,7 @@ from rl.options import TRAINING_STROKE_MM, TrainingOptions
 from rl.run import Keeper, action_columns, write_curve
 from rl.trainers import OnProgress, Simulated, TrainOnTwins
 from rl.twins.filter_step import FilterStep
+from rl.twins.graph import export_with_model
 from rl.twins.learning import learn_gain, learn_interval, validation
 from rl.twins.records import (
     SAMPLE_TIME,
@@ -228,7 +229,6 @@ class _Shown:
 def train_with_model(
     training: Training,
     make: Callable[[Any], FilterStep],
-    write: Callable[[Any, dict[str, Any], Path], None],
     preset: Preset,
     ranges: Ranges,
     settings: SimulatedTraining,
@@ -245,7 +245,7 @@ def train_with_model(
         return make(settings), by_model(model())
 
     def export(step: FilterStep, description: dict[str, Any], path: Path) -> None:
-        write(step, description | {"model": model_to_dict(model())}, path)
+        export_with_model(step, description | {"model": model_to_dict(model())}, path)
 
     return train_on_twins(Learner(training, begin, export), preset, ranges, settings, folder, on_progress)
 

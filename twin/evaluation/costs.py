@@ -30,13 +30,13 @@ class Cost:
 
 
 def method_costs(
-    methods: Sequence[Method], record: Record, files: Mapping[str, Sequence[Path]], seed: int = 0
+    methods: Sequence[Method], record: Record, files: Mapping[str, Sequence[Path]]
 ) -> dict[str, Cost]:
     """Return the costs of each method along the first samples of a record, by its name.
 
     `files` are trained files by the name of the method that runs on them.
     """
-    noise = np.sqrt(VARIANCE_DEG2) * np.random.default_rng(seed).standard_normal(len(record.time))
+    noise = np.sqrt(VARIANCE_DEG2) * np.random.default_rng(0).standard_normal(len(record.time))
     pull, measured = record.pull_mm.tolist(), (record.filled_deg + noise).tolist()
     return {
         method.name: Cost(_microseconds(method, pull, measured), *_learned(files.get(method.name, ())))

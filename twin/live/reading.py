@@ -119,21 +119,13 @@ def flag_names(flags: Health | Alarm) -> list[str]:
 
 
 class RunCounts:
-    """Counts of the samples of a run; a sink.
-
-    Attributes:
-        samples: number of samples.
-        faulty: samples with any fault.
-        sources: samples by the source of the estimate.
-        faults: samples by fault.
-        alarms: samples by alarm.
-    """
+    """Counts of the samples of a run; a sink."""
 
     def __init__(self) -> None:
-        self.samples = self.faulty = 0
-        self.sources: collections.Counter[Source] = collections.Counter()
-        self.faults: collections.Counter[str] = collections.Counter()
-        self.alarms: collections.Counter[str] = collections.Counter()
+        self.samples = self.faulty = 0  # all, and those with any fault
+        self.sources: collections.Counter[Source] = collections.Counter()  # by source of the estimate
+        self.faults: collections.Counter[str] = collections.Counter()  # by fault
+        self.alarms: collections.Counter[str] = collections.Counter()  # by alarm
 
     def add(self, sample: StreamSample) -> None:
         """Count one sample."""
