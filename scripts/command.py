@@ -287,7 +287,6 @@ class UninterruptedStep:
     """Context manager: a signal that comes within the block ends the command after it."""
 
     def __enter__(self) -> None:
-        """Let signals wait."""
         _Signal.waits = True
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

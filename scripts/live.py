@@ -25,7 +25,6 @@ class LiveViewer:
     def __init__(
         self, host: str = HOST, port: int = PORT, method: str = "estimator", *, controlled: bool = False
     ) -> None:
-        """Begin to listen."""
         if not 0 <= port <= 65535:
             raise InputError(f"port = {port}: must be from 0 to 65535")
         require_extra("live", "a live viewer")

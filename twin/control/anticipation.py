@@ -28,7 +28,6 @@ class Anticipation:
     """Decision, from sample to sample, whether the command is to go ahead of its reference."""
 
     def __init__(self, limits: CommandLimits, sample_time: float) -> None:
-        """Begin with nothing that is ahead."""
         self._limits, self._way_mm = limits, limits.speed_mm_s * sample_time
         self._every = max(round(LOOKS_EVERY_S / sample_time), 1)
         looks = np.round(np.array(LOOKS_AHEAD_S) / sample_time).astype(np.int64)

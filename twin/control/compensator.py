@@ -52,7 +52,6 @@ class Compensator:
         settings: Mapping[str, float],
         gains: Mapping[str, float],
     ) -> None:
-        """Prepare a run."""
         advanced = runtime.advanced.estimator
         if not isinstance(advanced, RamTwins):
             raise InputError(f"{runtime.method} has no twins to invert: commands are made on RAM (twins)")

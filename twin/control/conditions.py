@@ -165,7 +165,6 @@ class ControlSettings:
     seed: int = 0  # of everything that is drawn
 
     def __post_init__(self) -> None:
-        """Refuse values out of range."""
         check_between("twins", self.twins, 1, 1000)
         check_between("seconds", self.seconds, 1.0, 3600.0)
         check_between("preview_s", self.preview_s, 0.0, 60.0)

@@ -43,7 +43,6 @@ class CommandLimits:
     speed_mm_s: float  # fastest change
 
     def __post_init__(self) -> None:
-        """Refuse an empty stroke and a speed that is not positive."""
         if not (math.isfinite(self.low_mm + self.high_mm) and self.low_mm < self.high_mm):
             raise InputError(
                 f"stroke [{self.low_mm:g}, {self.high_mm:g}] mm: the first must be below the second"

@@ -20,7 +20,6 @@ class Plant:
     """
 
     def __init__(self, preset: Preset, sample_time: float, physics: str = "mujoco") -> None:
-        """Build the endoscope."""
         if preset.bending_planes != 1:
             raise InputError(f"{preset.name!r} has two bending planes: control is of one")
         check_physics(physics)

@@ -37,7 +37,6 @@ class WholeFile:
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Name the file; nothing is opened yet."""
         self.path = Path(path)
         self.open_path = ""  # while the block runs, a path for libraries that take no open file
 
@@ -139,7 +138,6 @@ class PartialFile:
     """
 
     def __init__(self, path: str | Path, sign: str) -> None:
-        """Create the file, empty."""
         self.path = Path(path)
         self._sign = sign
         if not self.path.parent.is_dir():

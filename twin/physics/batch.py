@@ -68,7 +68,6 @@ class EndoscopeBatch:
     """Batch of B simulated endoscopes that are stepped together."""
 
     def __init__(self, presets: Sequence[Preset], threads: int = 0) -> None:
-        """Build all B endoscopes, at rest."""
         check_alike(presets, (*ALIKE, "time_step"))
         self.presets = list(presets)
         built = {preset: model_xml(preset) for preset in set(presets)}

@@ -143,7 +143,6 @@ class Wires:
     """Wires of B endoscopes of one layout, which may differ in their parameters."""
 
     def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
-        """Gather the parameters of all endoscopes, along the leading axis of every array."""
         self._of_one = layout.wire.shape
         self.stiffness = np.array([segment_stiffness(p) for p in presets])[:, None, None]  # [N / m]
         self.quadratic = np.array([quadratic_stiffness(p) for p in presets])[:, None, None]  # [N / m^2]

@@ -54,7 +54,6 @@ class Recorder:
     """Recorder of a simulation: collects the readings of every sample into an `Episode`."""
 
     def __init__(self, command: Command, layout: Layout) -> None:
-        """Allocate the arrays of all samples."""
         count = len(command.pull)
         self._command, self._layout = command, layout
         self._qpos = np.empty((count, layout.hinge.size + layout.pulley.size + layout.element.size))

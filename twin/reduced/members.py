@@ -139,7 +139,6 @@ class Members:
     """M reduced twins that are stepped along any number of commands, with one command's memory at a time."""
 
     def __init__(self, members: MemberSet, sample_time: float) -> None:
-        """Build the twins."""
         self.sample_time = sample_time
         self._members, self._moves = members, members.moves
         self._twins = ReducedTwins(members.at_start(), sample_time)

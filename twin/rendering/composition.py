@@ -193,7 +193,6 @@ class Composition:
         least_scale: float = 0.0,
         fineness: int = 1,
     ) -> None:
-        """Build the actors, place the cameras and open the renderer."""
         if not 1 <= len(overlays) <= MOST_EPISODES:
             raise InputError(f"{len(overlays)} records: from 1 to {MOST_EPISODES} have room side by side")
         for overlay in overlays:

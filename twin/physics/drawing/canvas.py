@@ -128,7 +128,6 @@ class Canvas:
             del self._context
 
     def __del__(self) -> None:
-        """Free the renderer."""
         self.close()
 
 

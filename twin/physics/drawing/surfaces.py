@@ -42,7 +42,6 @@ class Surface:
     faces: Faces  # (m, 3) indices of vertices, counter-clockwise as seen from outside
 
     def __add__(self, other: "Surface") -> "Surface":
-        """Return both surfaces as one."""
         faces = np.concatenate([self.faces, other.faces + len(self.vertices)])
         return Surface(np.concatenate([self.vertices, other.vertices]), faces)
 
