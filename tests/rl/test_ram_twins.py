@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 
+import briefly
 import numpy as np
 import onnx
 import pytest
@@ -41,8 +42,16 @@ from twin.reduced import simulate
 from twin.reduced.members import members_to_dict
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_candidates():
+    """Members are chosen from few endoscopes."""
+    with pytest.MonkeyPatch.context() as patch:
+        briefly.choose_members(patch)
+        yield
+
+
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory):
+def trained(tmp_path_factory, few_candidates):
     folder = tmp_path_factory.mktemp("ram_twins")
     reported = []
     path = train_ram_twins(*twins(), TINY, folder, lambda *of: reported.append(of))

@@ -2,6 +2,7 @@
 
 import csv
 
+import briefly
 import numpy as np
 import pytest
 import torch
@@ -64,7 +65,8 @@ def test_it_learns_the_policy_alone_and_hands_over_its_weights():
 
 
 @pytest.mark.parametrize("gain", [pytest.param(("ppo",), marks=pytest.mark.slow), ("analytic", "ppo")])
-def test_a_training_keeps_what_was_best_on_held_out_twins(gain, tmp_path):
+def test_a_training_keeps_what_was_best_on_held_out_twins(gain, tmp_path, monkeypatch):
+    briefly.choose_members(monkeypatch)
     reported = []
     path = train_ram_twins(
         *twins(), shorter(gain=gain, ppo_samples=PPO_HORIZON), tmp_path, lambda *of: reported.append(of[:2])

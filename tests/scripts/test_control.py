@@ -63,6 +63,7 @@ def test_the_same_command_goes_on_and_another_one_is_refused(compared):
     assert "of another configuration (seed)" in said
 
 
+@pytest.mark.slow
 def test_the_results_do_not_depend_on_the_workers(compared, tmp_path):
     folder, _ = compared
     code, _, said = typed(f"{SHORT} --controller linear pid", folder)
