@@ -14,7 +14,7 @@ from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned.step import affine_steps
-from twin.hysteresis import ColemanHodgdon
+from twin.hysteresis import ColemanHodgdon, HysteresisModel
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
@@ -196,18 +196,25 @@ class EstimationEnvironment(gymnasium.Env[Array32, Array32]):
     def __init__(
         self,
         records: Sequence[tuple[Array, Array]] | None = None,
-        model: ColemanHodgdon | None = None,
+        model: HysteresisModel | None = None,
         agent: str = RamStep.agent,
         sample_time: float = 0.1,
+        noise: str = "gaussian",
+        noise_level: float = 0.1,
+        initial_error_deg: float = 20.0,
+        reward_scale: float = 1.0,
         render_mode: str | None = None,
     ):
+        """Take records at T = `sample_time` [s], and the noise that they are met with."""
         if agent not in POLICY_STEPS:
             raise InputError(f"unknown agent {agent!r}; valid: {', '.join(POLICY_STEPS)}")
+        if records is None:
+            records = [model_record(PAPER_MODEL, sample_time)]
         model = model or PAPER_MODEL
-        pull, bend = stack_records(records or [model_record(model, sample_time)])
-        self.batch = BatchEnvironment(
-            TrainingTask(pull, bend), ActiveModel(model, sample_time), count=1, agent=agent
-        )
+        pull, bend = stack_records(records)
+        task = TrainingTask(pull, bend, noise, noise_level, initial_error_deg)
+        filtered = ActiveModel(model, sample_time, measurement_variance=noise_level)
+        self.batch = BatchEnvironment(task, filtered, 1, reward_scale=reward_scale, agent=agent)
         self.observation_space = self.batch.observation_space
         self.action_space = self.batch.action_space
         self.render_mode = render_mode

@@ -6,6 +6,7 @@ from twin.errors import InputError
 from twin.estimation.registry import find_training, proposed_method
 
 EPISODES = 2000  # the paper's number of episodes
+ALGORITHMS = ("ppo", "sac", "td3")  # of stable-baselines3 that need no agent file
 TRAINING_STROKE_MM = (2.0, 4.0)  # the paper's stroke in training
 
 
@@ -14,6 +15,9 @@ class TrainingOptions:
     """Options of a training. Defaults are the paper's Table I and its protocol."""
 
     agent: str = ""  # of the method table; the one that the paper proposes, if not given
+    algorithm: str = "ppo"  # one of `ALGORITHMS`
+    network: tuple[int, ...] = (64, 64)  # units of each layer of a policy
+    agent_file: str = ""  # program of the user that makes the agent, in place of algorithm and network
     # episodes of PPO in all; a network takes as large a share of its own steps as this is of the default
     episodes: int = EPISODES
     learning_rate: float = 2.5e-4  # of Adam
@@ -27,6 +31,8 @@ class TrainingOptions:
     reward_scale: float = 0.05
     noise: str = "gaussian"  # measurement noise during training
     noise_level: float = 0.1  # its level: R = 0.1 in the paper
+    # records are met as they are, and with their departure from the model scaled down to this share; 1: not
+    error_scale: float = 0.3
     initial_error_deg: float = 20.0  # the initial estimate is off by up to this [deg]
     seed: int = 0  # of the network, the exploration and the noise
 
@@ -34,6 +40,10 @@ class TrainingOptions:
         if not self.agent:
             object.__setattr__(self, "agent", proposed_method().agent)
         find_training(self.agent)
+        if self.algorithm not in ALGORITHMS:
+            raise InputError(f"unknown algorithm {self.algorithm!r}; valid: {', '.join(ALGORITHMS)}")
+        if len(self.network) > 8 or not all(1 <= width <= 1024 for width in self.network):
+            raise InputError(f"network {self.network}: must be at most 8 layers of 1 to 1024 units")
         for name, (low, high) in LIMITS.items():
             value = getattr(self, name)
             if isinstance(low, int) and not (isinstance(value, int) and not isinstance(value, bool)):
@@ -64,6 +74,7 @@ LIMITS: dict[str, tuple[int, int] | tuple[float, float]] = {
     "reward_scale": (1e-12, 1e6),
     "noise_level": (1e-12, 1e6),
     "initial_error_deg": (0.0, 360.0),
+    "error_scale": (1e-3, 1.0),
 }
 """Least and greatest value of each number: what is beyond would not end, or not fit into memory."""
 _MOST_MEASUREMENTS = 200_000_000  # that are drawn at once, eight bytes each

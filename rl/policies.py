@@ -57,14 +57,24 @@ class PolicyStep(torch.nn.Module):
         raise NotImplementedError
 
     def forward(self, *arguments: Tensor) -> tuple[Tensor, ...]:
-        """Return the state after a sample, the estimate first; arguments are the inputs, then the state."""
+        """Return the state after a sample, the estimate first; arguments are the inputs, then the state.
+
+        The memory of a policy that has one, (B, size) arrays, follows the state.
+        """
         assert self.policy is not None
-        count = len(self.inputs)
-        inputs = dict(zip(self.inputs, arguments[:count], strict=True))
-        state = dict(zip(self.state, arguments[count:], strict=True))
+        first, last = len(self.inputs), len(self.inputs) + len(self.state)
+        inputs = dict(zip(self.inputs, arguments[:first], strict=True))
+        state = dict(zip(self.state, arguments[first:last], strict=True))
         observed = self.observe(inputs, state)
-        action = self.policy(observed.observation).clamp(-1, 1)
-        return self.act(observed, action)
+        answer = self.policy(observed.observation, *arguments[last:])
+        action, *memory = answer if isinstance(answer, tuple) else (answer,)
+        return (*self.act(observed, action.clamp(-1, 1)), *memory)
+
+    @property
+    def memory(self) -> dict[str, tuple[int, ...]]:
+        """Shape for one filter of each array of the policy's memory, by its name in the graph."""
+        sizes = getattr(self.policy, "memory", ())
+        return {f"memory_{number}": (size,) for number, size in enumerate(sizes)}
 
 
 class RamObserved(NamedTuple):

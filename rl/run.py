@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import io
+import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ _MARK = "endotwin checkpoint"
 def run_configuration(records: Records, active_model: ActiveModel, settings: Any) -> dict[str, Any]:
     """Return the contents of `config.yaml`: all that the result depends on; settings are a dataclass."""
     return {
-        "training": dataclasses.asdict(settings),
+        "training": json.loads(json.dumps(dataclasses.asdict(settings))),  # tuples as lists
         "active_model": active_model.to_dict(),
         "records": {
             "count": len(records),

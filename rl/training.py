@@ -1,25 +1,30 @@
-"""Training of a policy by PPO (Schulman et al. 2017) with the paper's Table I, into one run folder."""
+"""Training of a policy on records, by PPO (Schulman et al. 2017) with the paper's Table I or by other agents.
+
+One run folder holds the policy, its configuration, the learning curve and a checkpoint.
+"""
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv
+from torch.optim.swa_utils import AveragedModel
 
-from rl.environment import BatchEnvironment
+from rl.algorithms import MAKERS, AgentFile, modules_of, policy_of, quiet, wrapped_environments
+from rl.environment import BatchEnvironment, EstimationEnvironment
 from rl.export import export_step
 from rl.options import TrainingOptions, check_memory
 from rl.policies import POLICY_STEPS
 from rl.run import (
-    action_columns,
     load_checkpoint,
     run_configuration,
     save_checkpoint,
@@ -32,24 +37,17 @@ from twin import __version__
 from twin.errors import DivergedError, InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import TrainingTask, stack_records
-from twin.estimation.learned.methods import DIRECT, POLICY_FILE, RAM
+from twin.estimation.learned.methods import ACTIONS, DIRECT, OWN, POLICY_FILE, RAM
 from twin.estimation.learned.step import START
+from twin.estimation.load import load_estimator
 from twin.files.run_folder import CHECKPOINT_FILE, counted_cost, open_run, write_configuration
 from twin.files.state_file import state_key
+from twin.hysteresis import HysteresisModel
 
 Array = NDArray[np.float64]
 CHECKPOINTS = 10  # over a whole training
-PPO_WIDTHS = (64, 64)
-"""Units of each layer of a policy, as Stable-Baselines3 has them."""
-UPDATE = {
-    "policy_loss": "train/policy_gradient_loss",
-    "value_loss": "train/value_loss",
-    "entropy_loss": "train/entropy_loss",
-    "kl": "train/approx_kl",
-    "clip_fraction": "train/clip_fraction",
-    "exploration": "train/std",
-}
-"""Columns of the learning curve that describe the latest update, with their names in stable-baselines3."""
+ERROR_SCALES = 6  # of the records' departure from the model that are met
+AVERAGED = 0.99  # share of the average of a policy's weights that an update of PPO leaves
 GROWS = "training.episodes"
 """Number that a finished run may be given more of: it goes on from where it ended."""
 
@@ -76,36 +74,104 @@ def train_policy(
     torch.set_num_threads(1)  # the networks are small: threads would only wait for each other
     pull, bend = stack_records(records)
     check_memory(training, pull.shape[1])
+    own = AgentFile(Path(training.agent_file)) if training.agent_file else None
     configuration = run_configuration(records, active_model, training)
+    if own:
+        configuration["agent_file"] = {"name": own.path.name, "sha256": own.sha256}
     policy_path, checkpoint = folder / POLICY_FILE, folder / CHECKPOINT_FILE
-    files = (POLICY_FILE, CHECKPOINT_FILE)
-    with open_run(folder, configuration, files, GROWS) as shorter:
+    with open_run(folder, configuration, (POLICY_FILE, CHECKPOINT_FILE), GROWS) as shorter:
         if shorter or not policy_path.is_file():
-            task = TrainingTask(pull, bend, training.noise, training.noise_level, training.initial_error_deg)
-            environment = BatchEnvironment(
-                task,
-                active_model,
-                training.environments,
-                training.seed,
-                training.reward_scale,
-                training.agent,
+            met = with_smaller_errors(active_model.model, pull, bend, training.error_scale)
+            environment = _environment(*met, active_model, training, own)
+            agent = (
+                own.make(environment, training) if own else MAKERS[training.algorithm](environment, training)
             )
-            ppo = new_ppo(environment, training)
-            key = state_key(__version__, torch.__version__, _without(configuration, GROWS), pull, bend)
-            run = _Run(checkpoint, key, ppo, training, environment, on_progress)
-            run.restore()
-            _check_goes_on(ppo, run, shorter)
-            with counted_cost(folder):
-                _learn(ppo, run)
-            run.save()  # what goes on from here is a longer training
-            run.write()
+            modules = modules_of(environment.envs[0]) if own and own.wrap else []  # type: ignore[attr-defined]
+            policy, total = policy_of(agent), training.episodes * (pull.shape[1] - 1)
+            if isinstance(agent, BaseAlgorithm):
+                key = state_key(__version__, torch.__version__, _without(configuration, GROWS), pull, bend)
+                quiet(agent)
+                run = _Run(checkpoint, key, agent, training, total, on_progress)
+                run.restore()
+                _check_goes_on(agent, run, shorter)
+                with counted_cost(folder):
+                    _learn(agent, run)
+                run.save()  # what goes on from here is a longer training
+                run.write()
+                policy = run.policy
+            own_kind = bool(own) or training.algorithm != "ppo"
             description = with_deployment(configuration, records, active_model, training.seed)
-            export_policy(ppo, training.agent, active_model, description, policy_path)
+            description = {"agent": OWN.agent if own_kind else training.agent} | description
+            deployed = torch.nn.Sequential(*modules, policy) if modules else policy
+            if modules and hasattr(policy, "memory"):
+                raise InputError(f"agent file {training.agent_file}: a policy with a memory takes no wrapper")
+            export_policy(deployed, training.agent, active_model, description, policy_path)
+            if own:
+                _check_deployable(own, policy_path)
             if shorter:  # the last: until then it is the shorter run, which may go on again
                 write_configuration(folder, configuration)
             if on_progress:
-                on_progress(run.total, run.total, run.latest)
+                on_progress(total, total, math.nan if isinstance(agent, torch.nn.Module) else run.latest)
     return policy_path
+
+
+def _check_deployable(own: AgentFile, path: Path) -> None:
+    """Remove what was exported of a user's agent again if no estimator could be read from it."""
+    try:
+        load_estimator(path)
+    except ValueError as error:
+        path.unlink()
+        reason = str(error.__cause__ or error)
+        raise InputError(f"agent file {own.path}: its policy cannot be deployed: {reason}") from error
+
+
+def with_smaller_errors(
+    model: HysteresisModel, pull_mm: Array, bend_deg: Array, smallest: float
+) -> tuple[Array, Array]:
+    """Return records with their departure from a model scaled from `smallest` to 1, (records, N) each.
+
+    What a residual of some sqrt(R) means depends on how large the model's error is next to the noise. Records
+    that are met under one R alone have one ratio of both: a policy that has met no other follows the noise
+    where R is larger.
+    """
+    if smallest == 1:
+        return pull_mm, bend_deg
+    response = np.stack([model.response(pull, bend[0]) for pull, bend in zip(pull_mm, bend_deg, strict=True)])
+    scale = np.geomspace(smallest, 1, ERROR_SCALES)[:, None, None]
+    scaled = response + scale * (bend_deg - response)
+    return np.tile(pull_mm, (ERROR_SCALES, 1)), scaled.reshape(-1, bend_deg.shape[1])
+
+
+def _environment(
+    pull_mm: Array,
+    bend_deg: Array,
+    active_model: ActiveModel,
+    training: TrainingOptions,
+    own: AgentFile | None,
+) -> VecEnv:
+    """Return the environments of a training: one batch, or each in the wrappers of the user."""
+    if own is None or own.wrap is None:
+        task = TrainingTask(
+            pull_mm, bend_deg, training.noise, training.noise_level, training.initial_error_deg
+        )
+        return BatchEnvironment(
+            task, active_model, training.environments, training.seed, training.reward_scale, training.agent
+        )
+    records = list(zip(pull_mm, bend_deg, strict=True))
+    make = partial(
+        EstimationEnvironment,
+        records,
+        active_model.model,
+        training.agent,
+        active_model.sample_time,
+        training.noise,
+        training.noise_level,
+        training.initial_error_deg,
+        training.reward_scale,
+    )
+    environment = wrapped_environments([make] * training.environments, own.wrap)
+    environment.seed(training.seed)
+    return environment
 
 
 def _without(configuration: dict[str, Any], name: str) -> dict[str, Any]:
@@ -114,131 +180,133 @@ def _without(configuration: dict[str, Any], name: str) -> dict[str, Any]:
     return configuration | {part: kept}
 
 
-def _check_goes_on(ppo: PPO, run: "_Run", shorter: bool) -> None:
-    if shorter and not ppo.num_timesteps:
+def _check_goes_on(agent: BaseAlgorithm, run: "_Run", shorter: bool) -> None:
+    if shorter and not agent.num_timesteps:
         raise InputError(
             f"{run.folder} holds a shorter run, whose {CHECKPOINT_FILE} is not of this version: "
             "choose another `folder`"
         )
-    if ppo.num_timesteps >= run.total + run.training.horizon:
+    if agent.num_timesteps >= run.total + run.training.horizon:
         raise InputError(
-            f"{run.folder} has gone on to {ppo.num_timesteps} samples already: ask for more than {run.total}"
+            f"{run.folder} has gone on to {agent.num_timesteps} samples already: "
+            f"ask for more than {run.total}"
         )
 
 
-def _learn(ppo: PPO, run: "_Run") -> None:
-    if ppo.num_timesteps < run.total:
+def _learn(agent: BaseAlgorithm, run: "_Run") -> None:
+    if agent.num_timesteps < run.total:
         # Its own random numbers after each stop, not those of the beginning again.
-        set_random_seed(
-            int(np.random.SeedSequence([run.training.seed, ppo.num_timesteps]).generate_state(1)[0])
-        )
-        run.environment.rng = np.random.default_rng([run.training.seed, ppo.num_timesteps])
-        learn(ppo, run.total - ppo.num_timesteps, run, reset=False)
+        seed = int(np.random.SeedSequence([run.training.seed, agent.num_timesteps]).generate_state(1)[0])
+        set_random_seed(seed)
+        assert agent.env is not None
+        agent.env.seed(seed)
+        learn(agent, run.total - agent.num_timesteps, run, reset=False)
 
 
-def learn(ppo: PPO, samples: int, callback: BaseCallback, reset: bool = True) -> None:
-    """Train by PPO for so many samples."""
+def learn(agent: BaseAlgorithm, samples: int, callback: BaseCallback, reset: bool = True) -> None:
+    """Train for so many samples."""
     try:
-        ppo.learn(samples, callback=callback, reset_num_timesteps=reset)
+        agent.learn(samples, callback=callback, reset_num_timesteps=reset)
     except ValueError:
-        check_finite(ppo)  # distributions refuse what is no number
+        check_finite(agent)  # distributions refuse what is no number
         raise
-    check_finite(ppo)
-
-
-def new_ppo(environment: VecEnv, training: TrainingOptions, widths: Sequence[int] = PPO_WIDTHS) -> PPO:
-    """Return an untrained policy with the parameters of a training, and layers of so many units."""
-    ppo = PPO(
-        "MlpPolicy",
-        environment,
-        learning_rate=training.learning_rate,
-        n_steps=training.horizon // training.environments,
-        batch_size=training.minibatch,
-        gamma=training.discount,
-        clip_range=training.clip,
-        seed=training.seed,
-        device="cpu",
-        policy_kwargs={"net_arch": {"pi": list(widths), "vf": list(widths)}},
-    )
-    ppo.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder outside of the run
-    return ppo
+    check_finite(agent)
 
 
 def export_policy(
-    ppo: PPO, agent: str, active_model: ActiveModel, description: dict[str, Any], path: Path
+    policy: torch.nn.Module, agent: str, active_model: ActiveModel, description: dict[str, Any], path: Path
 ) -> None:
     """Write one sample of an agent as ONNX: its filter, and the mean action of a trained policy."""
-    policy = torch.nn.Sequential(ppo.policy.mlp_extractor.policy_net, ppo.policy.action_net)
     step = POLICY_STEPS[agent](active_model, policy)
+    state = dict.fromkeys(step.state, ()) | step.memory
     contents = {"agent": agent, START: step.start, **description}
-    export_step(step, dict.fromkeys(step.inputs, ()), dict.fromkeys(step.state, ()), contents, path)
+    export_step(step, dict.fromkeys(step.inputs, ()), state, contents, path)
 
 
-def check_finite(ppo: PPO) -> None:
+def check_finite(agent: BaseAlgorithm) -> None:
     """Refuse weights that are not numbers."""
-    if not all(torch.isfinite(values).all() for values in ppo.policy.parameters()):
+    if not all(torch.isfinite(values).all() for values in agent.policy.parameters()):
         raise DivergedError(
-            f"the training has diverged after {ppo.num_timesteps} samples: lower `learning_rate`"
+            f"the training has diverged after {agent.num_timesteps} samples: lower `learning_rate`"
         )
 
 
 class _Run(BaseCallback):
-    """Learning curve of the finished episodes and, every so many updates, a checkpoint.
+    """Learning curve of the finished episodes, average of the policy and, every so often, a checkpoint.
 
     Attributes:
-        curve: rows of `progress.csv`: samples, mean reward per sample [deg^2] of as many finished episodes as
-            there are environments, the figures of the latest update, and mean and deviation of each action.
+        curve: rows of `progress.csv` by column: samples, mean reward per sample [deg^2] of as many finished
+            episodes as there are environments, what stable-baselines3 logs of the latest update, and mean and
+            standard deviation of each action.
     """
 
     def __init__(
         self,
         checkpoint: Path,
         key: str,
-        ppo: PPO,
+        agent: BaseAlgorithm,
         training: TrainingOptions,
-        environment: BatchEnvironment,
+        total: int,
         on_progress: OnProgress | None,
     ):
         super().__init__()
         self.checkpoint, self.folder, self.key = checkpoint, checkpoint.parent, key
-        self.ppo = ppo
+        self.agent = agent
+        # Others than on-policy algorithms update with every sample: their latest policy is the one.
+        on_policy = isinstance(agent, OnPolicyAlgorithm)
+        self.average = AveragedModel(policy_of(agent), avg_fn=_average) if on_policy else None
         self.training = training
-        self.environment = environment
         self.on_progress = on_progress
-        self.total = training.episodes * (environment.task.pull_mm.shape[1] - 1)
+        self.total = total
         updates = math.ceil(self.total / training.horizon)
         self.between = math.ceil(updates / CHECKPOINTS) * training.horizon  # samples from one to the next
-        self.curve: list[tuple[float, ...]] = []
-        self.update = [math.nan] * len(UPDATE)
+        self.saved = 0  # samples at the latest checkpoint
+        self.curve: list[dict[str, float]] = []
+        self.update: dict[str, float] = {}
         self.episodes: list[dict[str, float]] = []  # finished since the last row
         self.actions: list[NDArray[np.float32]] = []
 
+    @property
+    def policy(self) -> torch.nn.Module:
+        """The policy that is deployed."""
+        return policy_of(self.agent) if self.average is None else self.average.module
+
     def save(self) -> None:
-        check_finite(self.ppo)
-        state = {"samples": self.ppo.num_timesteps, "curve": self.curve, **self.ppo.get_parameters()}
+        check_finite(self.agent)
+        state = {"samples": self.agent.num_timesteps, "curve": self.curve, **self.agent.get_parameters()}
+        if self.average:
+            state["average"] = self.average.state_dict()
         save_checkpoint(self.checkpoint, self.key, state)
+        self.saved = self.agent.num_timesteps
 
     def restore(self) -> None:
         state = load_checkpoint(self.checkpoint, self.key)
         if state is not None:
             try:
-                self.ppo.num_timesteps, self.curve = int(state.pop("samples")), list(state.pop("curve"))
-                self.ppo.set_parameters(state)
+                self.agent.num_timesteps, self.curve = int(state.pop("samples")), list(state.pop("curve"))
+                self.saved = self.agent.num_timesteps
+                if self.average:
+                    self.average.load_state_dict(state.pop("average"))
+                self.agent.set_parameters(state)
             except Exception as error:  # what does not fit, in classes of torch and stable-baselines3
                 raise unusable(self.checkpoint) from error
 
     def write(self) -> None:
-        actions = action_columns(self.environment.filter_step.actions)
-        write_curve(self.folder, self.curve, ["samples", "mean_reward", *UPDATE, *actions])
+        columns = list(
+            dict.fromkeys(["samples", "mean_reward", *(name for row in self.curve for name in row)])
+        )
+        write_curve(
+            self.folder, [[row.get(name, math.nan) for name in columns] for row in self.curve], columns
+        )
 
     @property
     def latest(self) -> float:
         """Mean reward per sample of the last episodes [deg^2]."""
-        return self.curve[-1][1] if self.curve else math.nan
+        return self.curve[-1]["mean_reward"] if self.curve else math.nan
 
     def _on_rollout_start(self) -> None:
         self._take_update()
-        if self.num_timesteps and self.num_timesteps % self.between == 0:
+        if self.num_timesteps >= self.saved + self.between:
             self.save()
 
     def _on_training_end(self) -> None:
@@ -248,25 +316,43 @@ class _Run(BaseCallback):
 
     def _take_update(self) -> None:
         logged = self.logger.name_to_value
-        if logged.keys() >= set(UPDATE.values()):
-            self.update = [float(logged[name]) for name in UPDATE.values()]
+        if any(name.startswith("train/") for name in logged):
+            self.update = {name: float(of) for name, of in logged.items() if name.startswith("train/")}
+            if self.average:
+                self.average.update_parameters(policy_of(self.agent))
 
     def _on_step(self) -> bool:
-        self.actions.append(self.environment.actions)
+        self.actions.append(np.clip(self.locals["actions"], -1, 1))
         self.episodes += [info["episode"] for info in self.locals["infos"] if "episode" in info]
-        if len(self.episodes) >= self.environment.num_envs:
+        if len(self.episodes) >= self.training.environments:
             self._add_row()
             if self.on_progress:
                 self.on_progress(min(self.num_timesteps, self.total - 1), self.total, self.latest)
         return True
 
     def _add_row(self) -> None:
-        reward = sum(of["r"] for of in self.episodes) / sum(of["l"] for of in self.episodes)
+        rewards, lengths = ([float(of[name]) for of in self.episodes] for name in ("r", "l"))
         acted = np.concatenate(self.actions)
-        figures = np.stack([acted.mean(axis=0), acted.std(axis=0)], axis=1).ravel().tolist()
-        self.curve.append((self.num_timesteps, reward, *self.update, *figures))
+        row = {"samples": self.num_timesteps, "mean_reward": sum(rewards) / sum(lengths)}
+        row |= {
+            "rollout/ep_rew_mean": float(np.mean(rewards)),
+            "rollout/ep_len_mean": float(np.mean(lengths)),
+        }
+        row |= self.update
+        for name, of in zip(ACTIONS[self.training.agent], acted.T, strict=True):
+            row |= {f"action/{name}": float(of.mean()), f"action/{name}, deviation": float(of.std())}
+        self.curve.append(row)
         self.episodes, self.actions = [], []
         self.write()
+
+
+def _average(average: torch.Tensor, current: torch.Tensor, count: torch.Tensor | int) -> torch.Tensor:
+    """Return the average of weights after one more update, exponential once there were many.
+
+    The latest weights are as noisy as the samples of their last updates (Polyak and Juditsky 1992).
+    """
+    share = min(AVERAGED, float(1 + count) / float(10 + count))
+    return share * average + (1 - share) * current
 
 
 for _method in (RAM, DIRECT):

@@ -23,6 +23,8 @@ STRICT = {"noise": "gaussian", "noise_level": 0.1}
 _OPTIONS = [field.name for field in dataclasses.fields(TrainingOptions)]
 _OF_TWINS = ("preset", "noises", "stroke", "gain", "sample_times")
 _OF_RECORDS = {"sample_time", *_OPTIONS} - {"agent", "episodes", "seed"}
+POLICIES = ("ram", "direct")  # agents that learn by reinforcement on records
+_OF_POLICIES = ("agent_file", "algorithm", "network", "error_scale")
 
 
 def agents_in_words(default: str = "") -> str:
@@ -64,6 +66,14 @@ class Train(Options):
     the sequences; all three in this order, if not given."""
     sample_time: float = 0.1
     """T [s]; records are thinned to it."""
+    agent_file: Path | None = None
+    """A Python file of yours, which is run: make_agent(environment, seed) returns an algorithm of
+    stable-baselines3 or sb3-contrib, or a module of torch; wrap(environment), if there is one, wraps it. The
+    environment is that of --agent, ram or direct."""
+    algorithm: Literal["ppo", "sac", "td3"] = "ppo"
+    """How the policy of ram or direct learns."""
+    network: tuple[int, ...] = TrainingOptions.network
+    """Units of each layer of its network."""
     episodes: int = TrainingOptions.episodes
     """Episodes of PPO in all; a network takes as large a share of its own steps as this is of the default."""
     learning_rate: float = TrainingOptions.learning_rate
@@ -86,6 +96,9 @@ class Train(Options):
     """Factor on the reward, eq. 11."""
     initial_error_deg: float = TrainingOptions.initial_error_deg
     """The initial estimate is off by up to this [deg]."""
+    error_scale: float = TrainingOptions.error_scale
+    """PPO meets the records as they are, and with their departure from the model scaled down to this share,
+    so that it learns what to do where noise is larger than the model's error; 1 for the records alone."""
     seed: int = 0
     """Of the network, the exploration and the noise."""
     seeds: int | None = None
@@ -108,7 +121,10 @@ def train(args: Train) -> Summary:
     if args.protocol == "strict" and given != STRICT:
         raise ValueError(f"--protocol strict trains under {STRICT}: use --protocol free for {given}")
     agent = _agent(args)
-    options = TrainingOptions(**{name: getattr(args, name) for name in _OPTIONS} | {"agent": agent})
+    if agent not in POLICIES and (flag := _first_given(args, _OF_POLICIES)):
+        raise ValueError(f"{flag} is for the agents {' and '.join(POLICIES)}, not for {agent}")
+    given = {name: getattr(args, name) for name in _OPTIONS}
+    options = TrainingOptions(**given | {"agent": agent, "agent_file": str(args.agent_file or "")})
 
     if args.seeds is None and (args.workers or args.dask is not None or args.search):
         raise ValueError("--workers, --dask and --search are for several trainings: give --seeds")

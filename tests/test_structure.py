@@ -53,26 +53,36 @@ def imports(tree: ast.Module) -> set[str]:
     return found
 
 
-TREES = dict(sources())
-IMPORTS = {name: imports(tree) for name, tree in TREES.items()}
-LIBRARIES = {
-    name: {one.partition(".")[0] for one in found} - set(sys.stdlib_module_names) - set(OWN)
-    for name, found in IMPORTS.items()
-}
-"""Libraries of others that each file imports."""
+@pytest.fixture(scope="module")
+def trees() -> dict[str, ast.Module]:
+    """Syntax tree of each file of the product."""
+    return dict(sources())
 
 
-def test_imports_go_one_way():
+@pytest.fixture(scope="module")
+def imported(trees) -> dict[str, set[str]]:
+    """All modules that each file imports."""
+    return {name: imports(tree) for name, tree in trees.items()}
+
+
+@pytest.fixture(scope="module")
+def libraries(imported) -> dict[str, set[str]]:
+    """Libraries of others that each file imports."""
+    own = set(sys.stdlib_module_names) | set(OWN)
+    return {name: {one.partition(".")[0] for one in found} - own for name, found in imported.items()}
+
+
+def test_imports_go_one_way(imported):
     above = {"twin/": {"rl.", "scripts."}, "rl/": {"scripts."}}
     above |= {"twin/estimation/": {"twin.physics."}, "twin/physics/": {"twin.estimation."}}
     for folder, forbidden in above.items():
-        for name, found in IMPORTS.items():
+        for name, found in imported.items():
             if name.startswith(folder):
                 assert not [one for one in found if f"{one}.".startswith(tuple(forbidden))], name
 
 
-def test_a_library_is_imported_only_in_its_package():
-    for name, found in LIBRARIES.items():
+def test_a_library_is_imported_only_in_its_package(libraries):
+    for name, found in libraries.items():
         for library in found & HOME_OF.keys():
             learning = ("scripts/benchmarks/", "scripts/studies/") if "rl/" in HOME_OF[library] else ()
             assert name.startswith((*HOME_OF[library], *learning)), f"{name} imports {library}"
@@ -108,8 +118,8 @@ def unsafe(tree: ast.Module) -> list[str]:
     return found
 
 
-def test_nothing_that_is_read_from_a_file_is_run():
-    assert not {name: unsafe(tree) for name, tree in TREES.items() if unsafe(tree)}
+def test_nothing_that_is_read_from_a_file_is_run(trees):
+    assert not {name: unsafe(tree) for name, tree in trees.items() if unsafe(tree)}
 
 
 @pytest.mark.parametrize(
@@ -152,22 +162,28 @@ def of_extra(extra: str) -> set[str]:
 
 
 CORE = {distribution(requirement) for requirement in PROJECT["dependencies"]}
-DISTRIBUTIONS = {name: {distribution(one) for one in held} for name, held in packages_distributions().items()}
 
 
-def test_every_library_is_declared_and_every_declared_library_is_imported():
+@pytest.fixture(scope="module")
+def distributions() -> dict[str, set[str]]:
+    """What each installed module belongs to."""
+    held = packages_distributions()
+    return {name: {distribution(one) for one in of} for name, of in held.items()}
+
+
+def test_every_library_is_declared_and_every_declared_library_is_imported(libraries, distributions):
     declared = CORE | of_extra("all")
-    imported = set.union(*LIBRARIES.values())
-    assert not [name for name in imported if not DISTRIBUTIONS.get(name, set()) & declared]
-    used = {one for name in imported for one in DISTRIBUTIONS[name]}
+    imported = set.union(*libraries.values())
+    assert not [name for name in imported if not distributions.get(name, set()) & declared]
+    used = {one for name in imported for one in distributions[name]}
     assert declared - {"dask", "ffmpeg"} - used == {"onnxscript"}  # of torch's exporter
 
 
-def test_extras_are_named_to_users_and_held_by_all():
+def test_extras_are_named_to_users_and_held_by_all(distributions):
     named = [(module, extra) for extra, modules in errors.EXTRAS.items() for module in modules]
     for module, extra in named:
-        assert DISTRIBUTIONS[module] & of_extra(extra), f"{module} is not in the extra {extra}"
-        assert not DISTRIBUTIONS[module] & CORE
+        assert distributions[module] & of_extra(extra), f"{module} is not in the extra {extra}"
+        assert not distributions[module] & CORE
     assert of_extra("all") == {one for extra in EXTRAS if extra != "dev" for one in of_extra(extra)}
     assert of_extra("dev") > of_extra("all")
 

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
+from rl.algorithms import new_ppo
 from rl.environment import SharedEnvironment
 from rl.options import TrainingOptions
 from rl.supervised import tensor32
-from rl.training import learn, new_ppo
+from rl.training import learn
 from rl.twins.filter_step import ALL
 from rl.twins.learning import SMALLEST_ERROR_DEG2, TypicalErrors, departure, filter_sequences
 from rl.twins.records import SequenceSource
@@ -118,16 +119,17 @@ def learn_by_ppo(
 ) -> None:
     """Train the policy of a step; what else it holds stays."""
     rate, explores = FROM_THERE if "analytic" in settings.gain else FROM_SCRATCH
+    widths = [part.out_features for part in step.policy.children() if isinstance(part, torch.nn.Linear)]
     options = TrainingOptions(
         learning_rate=rate,
         environments=ENVIRONMENTS,
         horizon=PPO_HORIZON,
         minibatch=MINIBATCH,
+        network=tuple(widths[:-1]),  # the last is that of the actions
         seed=settings.seed,
     )
     environment = TwinsEnvironment(step, source, settings, options.environments, options.reward_scale)
-    widths = [part.out_features for part in step.policy.children() if isinstance(part, torch.nn.Linear)]
-    ppo = new_ppo(environment, options, widths[:-1])  # the last is that of the actions
+    ppo = new_ppo(environment, options)
     with torch.no_grad():
         for theirs, own in _shared(ppo, step):
             theirs.copy_(own)

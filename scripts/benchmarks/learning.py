@@ -11,10 +11,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from rl.algorithms import new_ppo
 from rl.environment import PAPER_MODEL, BatchEnvironment, model_record
 from rl.on_twins import RIVALS
 from rl.options import TrainingOptions
-from rl.training import new_ppo, train_policy
+from rl.training import train_policy
 from rl.twins.graph import export_twins
 from rl.twins.members import draw_members
 from rl.twins.noises import count_noise_models

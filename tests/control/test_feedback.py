@@ -22,7 +22,7 @@ from twin.control.controllers.feedback import (
 from twin.control.trial import Plant
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.ram_twins import load
+from twin.estimation.load import load_estimator
 
 GAINS = {name: setting.default for name, setting in PI_SETTINGS.items()}
 WIDE = CommandLimits(-20.0, 20.0, 200.0)
@@ -156,7 +156,7 @@ def test_it_believes_the_trained_file_at_the_r_of_the_sensor(twins_policy):
     wanted = 40 * np.sin(np.arange(150) * 0.05)
     noise = rng.normal(0, R**0.5, len(wanted))
     course = closed_loop(RAM_TWINS_PI.make(known), plant.step, wanted, lambda k, bend: bend + noise[k])
-    estimator = load(twins_policy).with_sensor(Sensor(R))
+    estimator = load_estimator(twins_policy).with_sensor(Sensor(R))
     expected = estimator.estimate(course.pull_mm, course.bend_deg + noise, 0.0)[0]
     np.testing.assert_allclose(course.believed_deg, expected, atol=1e-6)
     assert np.sqrt(np.mean((course.believed_deg - course.bend_deg)[20:] ** 2)) < 1.0

@@ -2,6 +2,7 @@
 
 import functools
 import json
+import sys
 
 import pytest
 from repository import REPOSITORY
@@ -31,6 +32,8 @@ def own_table(monkeypatch):
     method_specs()
     monkeypatch.setattr(registry, "_SPECS", dict(registry._SPECS))
     monkeypatch.setattr(registry, "_LOADED", {})
+    for name in [name for name in sys.modules if name.startswith("method_file_")]:
+        monkeypatch.delitem(sys.modules, name)  # each test runs the file itself
 
 
 def test_the_example_is_in_tables_figures_and_results(tmp_path):

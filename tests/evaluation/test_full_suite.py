@@ -16,6 +16,7 @@ from twin.evaluation.ranking import rankings_of
 from twin.evaluation.results import load_runs
 from twin.signals.excitation import SIGNALS
 
+pytestmark = pytest.mark.slow
 METHODS = [name for name, row in methods.METHODS.items() if not row.on_request]
 NOISES = 11
 STATE_NONE = {
@@ -67,7 +68,6 @@ def evaluation(folder):
     return json.loads((folder / "evaluation.json").read_text())
 
 
-@pytest.mark.slow
 def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation):
     rows = evaluation["rows"]
     assert len(rows) == len(METHODS) * NOISES * 3 * 3
@@ -83,7 +83,6 @@ def test_every_method_meets_every_noise_stroke_twin_and_sample_time(evaluation):
         assert (row["nis"] is None) == (None in stated or not on_a_stream)
 
 
-@pytest.mark.slow
 def test_intervals_from_geometry_hold_the_truth_in_every_run_under_bounded_noise(evaluation):
     rows = [row for row in evaluation["intervals"] if row["method"] == "ESMF (geometry)"]
     assert len(rows) == 9  # strokes, twins
@@ -92,7 +91,6 @@ def test_intervals_from_geometry_hold_the_truth_in_every_run_under_bounded_noise
     assert all(0.1 < row["width_deg"] < 2 * np.sqrt(3) for row in rows)  # narrower than one measurement
 
 
-@pytest.mark.slow
 def test_no_method_is_nearer_to_the_truth_than_the_limit_but_by_chance(evaluation):
     limit = {
         (r["noise"], r["level"], r["sample_time_s"], r["twin"], *r["stroke_mm"]): r["rmse_deg"]
@@ -108,7 +106,6 @@ def test_no_method_is_nearer_to_the_truth_than_the_limit_but_by_chance(evaluatio
             assert np.exp(np.mean(np.log(found))) > 0.999, method
 
 
-@pytest.mark.slow
 def test_ranks_and_runs_are_those_of_the_rows(folder, evaluation):
     """The first under each noise has the least RMSE, and runs give the figures of the rows again."""
     first = rankings_of(evaluation)[0]
@@ -142,7 +139,6 @@ def test_a_second_run_takes_what_is_there_and_says_the_same(few):
         assert second["rmse_deg"] == pytest.approx(first["rmse_deg"], rel=1e-6)
 
 
-@pytest.mark.slow
 def test_a_policy_that_is_given_is_not_trained_and_says_the_same(folder, few_words, tmp_path):
     """One that was trained on twins serves every sample time; it needs no model in the suite `paper`."""
     out, policy = tmp_path / "out", str(folder / "ram-twins/policy.onnx")
@@ -160,7 +156,6 @@ def test_a_policy_that_is_given_is_not_trained_and_says_the_same(folder, few_wor
     assert not methods & {"AM", "C-H", "RAM"}  # no model is known
 
 
-@pytest.mark.slow
 def test_it_runs_on_a_measured_log_with_a_gap(folder, tmp_path, capsys):
     from scripts.import_log import main as import_log
 
@@ -196,7 +191,6 @@ def test_records_are_not_trained_and_tested_on(few, tmp_path, capsys):
     assert "is test data too" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_several_trainings_are_a_row_with_their_spread(few_words, folder, tmp_path):
     words = [*few_words[: few_words.index("--methods")], "--methods", "AM", "GRU"]
     shutil.copytree(folder / "T_0.1", tmp_path / "T_0.1")  # what is trained already is taken up
@@ -210,7 +204,6 @@ def test_several_trainings_are_a_row_with_their_spread(few_words, folder, tmp_pa
     assert first.read_bytes() != second.read_bytes()
 
 
-@pytest.mark.slow
 def test_a_cluster_gives_the_same_results(few_words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = [*few_words, "--sample-time", "0.1"]
@@ -225,7 +218,6 @@ def test_a_cluster_gives_the_same_results(few_words, tmp_path, monkeypatch):
     assert here["ranks"] == there["ranks"]
 
 
-@pytest.mark.slow
 def test_faulty_sensors_and_twins_that_no_training_meets_are_a_suite_of_their_own(few_words, tmp_path):
     words = SMALL.replace("--suite full", "--suite untrained").split()
     train = few_words[few_words.index("--train") + 1]
@@ -240,7 +232,6 @@ def test_faulty_sensors_and_twins_that_no_training_meets_are_a_suite_of_their_ow
     }
 
 
-@pytest.mark.slow
 def test_each_method_says_what_it_costs(folder, evaluation):
     costs = evaluation["costs"]
     assert list(costs) == METHODS

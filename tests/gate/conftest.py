@@ -7,6 +7,7 @@ from gated import T, export_small, logs_on, material_of
 from small_twins import twins
 from stable_baselines3 import PPO
 
+from rl.algorithms import policy_of
 from rl.environment import BatchEnvironment
 from rl.training import export_policy
 from twin.estimation.active_model import ActiveModel
@@ -49,5 +50,5 @@ def paper_policy(records, tmp_path_factory):
     ppo = PPO("MlpPolicy", environment, seed=5, device="cpu")
     torch.nn.init.constant_(ppo.policy.action_net.bias, 0.01)  # exporters drop biases that are zero
     path = tmp_path_factory.mktemp("paper") / "policy.onnx"
-    export_policy(ppo, "ram", active_model, {"active_model": active_model.to_dict()}, path)
+    export_policy(policy_of(ppo), "ram", active_model, {"active_model": active_model.to_dict()}, path)
     return path

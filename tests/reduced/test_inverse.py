@@ -85,6 +85,7 @@ def test_servo_that_cannot_be_there_in_time_is_not_sent_further():
     assert found.pull[0, 0] == pytest.approx(0.4e-3, abs=2e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("routing", [0.0, 0.2])
 def test_both_planes_are_brought_where_they_are_wanted(routing):
     preset = URETEROSCOPE.replace(bending_planes=2, routing_friction=routing)

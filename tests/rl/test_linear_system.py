@@ -49,9 +49,8 @@ def test_the_filter_is_as_good_as_its_covariance_says():
     assert error.var() == pytest.approx(P[0, 0], rel=0.04)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param("KalmanNet (twins)", marks=pytest.mark.slow), "Recursive KalmanNet (twins)"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["KalmanNet (twins)", "Recursive KalmanNet (twins)"])
 def test_a_learned_gain_comes_within_half_a_decibel_of_the_best(name):
     torch.manual_seed(1)
     step, bodies = RIVALS[name].untrained(), bodies_of(False)

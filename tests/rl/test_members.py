@@ -46,6 +46,7 @@ def test_unlikelihood_is_that_of_a_normal_law_with_the_members_moments():
     assert ensemble_unlikelihood(members, others) == pytest.approx(expected)
 
 
+@pytest.mark.slow
 def test_chosen_members_explain_endoscopes_that_members_spread_evenly_do_not():
     """Others than they were chosen from, along other commands; compared is what is left of the worst one."""
     preset, ranges = twins()

@@ -216,6 +216,7 @@ def test_the_same_seed_trains_the_same_step(trained, tmp_path):
     np.testing.assert_allclose(*estimates, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_checkpoint_of_other_members_is_not_taken_up(tmp_path, monkeypatch):
     """Its weights learned on other twins; members are computed, and may differ with the libraries."""
     settings = shorter(updates=4)

@@ -39,6 +39,7 @@ def test_every_rival_is_given_a_grid_of_the_same_size_around_its_own_settings():
     assert {"learning_rate": RAM_MEMORY_SETTINGS.learning_rate, "width": RAM_MEMORY_SETTINGS.width} in grid
 
 
+@pytest.mark.slow
 def test_the_best_on_held_out_twins_comes_first_and_is_trained_with(material, tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, "grid_of", lambda _: [{"width": 4}, {"width": 7}])
     trials = trials_of(material, tmp_path)

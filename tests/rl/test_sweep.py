@@ -93,6 +93,7 @@ def test_seeds_that_are_out_of_range_are_refused(first, count, message):
     assert list(seeds_from(2**32 - 3, 3)) == [2**32 - 3, 2**32 - 2, 2**32 - 1]
 
 
+@pytest.mark.slow
 def test_a_cluster_trains_the_same(material, alone, tmp_path):
     with (
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,

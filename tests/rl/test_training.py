@@ -81,8 +81,8 @@ def test_training_that_diverges_says_so(records, active_model, tmp_path, monkeyp
         torch.nn.init.constant_(ppo.policy.action_net.weight, float("nan"))
         return ppo
 
-    fresh = training.new_ppo
-    monkeypatch.setattr(training, "new_ppo", spoiled)
+    fresh = training.MAKERS["ppo"]
+    monkeypatch.setitem(training.MAKERS, "ppo", spoiled)
     with pytest.raises(
         FloatingPointError, match="the training has diverged after 0 samples: lower `learning"
     ):

@@ -64,7 +64,8 @@ def test_it_learns_the_policy_alone_and_hands_over_its_weights():
     assert reported[-1] == 51_200
 
 
-@pytest.mark.parametrize("gain", [pytest.param(("ppo",), marks=pytest.mark.slow), ("analytic", "ppo")])
+@pytest.mark.slow
+@pytest.mark.parametrize("gain", [("ppo",), ("analytic", "ppo")])
 def test_a_training_keeps_what_was_best_on_held_out_twins(gain, tmp_path, monkeypatch):
     briefly.choose_members(monkeypatch)
     reported = []

@@ -73,6 +73,7 @@ def test_the_results_do_not_depend_on_the_workers(compared, tmp_path):
     assert (tmp_path / "out/control.json").read_text() == (folder / "out/control.json").read_text()
 
 
+@pytest.mark.slow
 def test_every_controller_runs_on_a_trained_file(tmp_path):
     export_small(tmp_path / "policy.onnx")
     write_tiny(tmp_path / "ppo.onnx")

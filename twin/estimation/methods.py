@@ -89,6 +89,7 @@ METHODS: dict[str, Presentation] = {
     "RAM": _paper("learned", Style("#c4161c", "-", "o", 1.5), 3, (5, *_TRACKING), proposed=True),
     "Constant gain": Presentation("tuned filter", in_paper_suite=True),
     "RAM (oracle)": _paper("learned"),
+    "Own agent": _ON_REQUEST,
     "LSTM (twins)": _ON_REQUEST,
     "GRU (twins)": _ON_REQUEST,
     "TCN (twins)": _ON_REQUEST,

@@ -6,12 +6,8 @@ that table. A Python file of a user (`--method-file`) needs no row. This module 
 
 import dataclasses
 import functools
-import hashlib
 import importlib
-import importlib.util
 import pkgutil
-import sys
-import traceback
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from twin.errors import InputError
 from twin.estimation.methods import METHODS, UNLISTED, Presentation
 from twin.estimation.methods import Style as Style
+from twin.files.program import run_program
 
 if TYPE_CHECKING:
     from twin.estimation.estimator import Estimator
@@ -182,34 +179,10 @@ def load_method_files(paths: Iterable[Path]) -> list[MethodSpec]:
 
 
 def _load(path: Path) -> list[MethodSpec]:
-    if path.suffix != ".py" or not path.is_file():
-        raise InputError(f"method file {path}: must be an existing Python file (.py)")
-    file = path.resolve()
-    name = f"method_file_{hashlib.sha256(str(file).encode()).hexdigest()[:16]}"
+    known = {spec.name for spec in method_specs()}  # those of the package first: their names are taken
+    name = run_program(path, "method file").__name__
     if name not in _LOADED:
-        known = {spec.name for spec in method_specs()}  # those of the package first: their names are taken
-        _run(path, file, name)
         _LOADED[name] = [spec.name for spec in method_specs() if spec.name not in known]
     if not _LOADED[name]:
         raise InputError(f"method file {path} registers no method: end it with register_method(...)")
     return [find_method(method) for method in _LOADED[name]]
-
-
-def _run(path: Path, file: Path, name: str) -> None:
-    """Import a file as a module of this name, under which its classes are pickled."""
-    spec = importlib.util.spec_from_file_location(name, file)
-    assert spec is not None  # a .py file has one
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        del sys.modules[name]
-        frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(file)]
-        line = error.lineno if isinstance(error, SyntaxError) else frames[-1].lineno if frames else None
-        text = error.msg if isinstance(error, SyntaxError) else str(error)
-        reason = (text.splitlines() or [""])[0][:200]
-        if not isinstance(error, InputError):
-            reason = f"{type(error).__name__}: {reason}"
-        raise InputError(f"method file {path}{f', line {line}' if line else ''}: {reason}") from error

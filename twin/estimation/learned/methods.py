@@ -80,6 +80,17 @@ RAM = _learned(
 """With the measured residual, the only one that a deployed estimator has."""
 
 
+OWN = _learned(
+    "Own agent",
+    "own",
+    POLICY_FILE,
+    "your own, by --agent-file or another --algorithm than PPO",
+    models=(ColemanHodgdon.name,),
+    same_filter=True,
+)
+"""Any policy on the environment of RAM or direct RL."""
+
+
 def _build_oracle(known: Knowledge) -> CaseEstimator:
     estimator = RAM.build(known)
     assert isinstance(estimator, LearnedStep)
