@@ -75,7 +75,10 @@ def new_ppo(environment: VecEnv, training: "TrainingOptions") -> PPO:
         clip_range=training.clip,
         seed=training.seed,
         device="cpu",
-        policy_kwargs={"net_arch": {"pi": widths, "vf": widths}},
+        policy_kwargs={
+            "net_arch": {"pi": widths, "vf": widths},
+            "optimizer_kwargs": {"fused": True, "eps": 1e-5},
+        },
     )
     quiet(ppo)
     return ppo

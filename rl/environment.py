@@ -19,6 +19,7 @@ from twin.hysteresis import ColemanHodgdon, HysteresisModel
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
 StepResult = tuple[Array32, Array32, NDArray[np.bool_], list[dict[str, Any]]]
+TWINS_OF_COMMAND = 4  # of EstimationTwins-v0
 _OBSERVATION_LIMIT = 10.0  # exp(10) degrees: never reached, it only bounds the space
 
 
@@ -93,6 +94,7 @@ class BatchEnvironment(SharedEnvironment):
         sample: (count,) next sample of each.
         measurement: (count, N) measured angles of the episodes [deg].
         state: of the estimators, (count,) tensors by name.
+        estimate_deg: (count,) estimates after the latest step, of episodes that it ended too [deg].
     """
 
     def __init__(
@@ -156,7 +158,8 @@ class BatchEnvironment(SharedEnvironment):
         action = torch.from_numpy(self.actions).clamp(-1, 1)
         after = self.filter_step.act(self._observed, action)
         self.state = dict(zip(self.filter_step.state, after, strict=True))
-        reward = -((self.bend_deg - self.task.bend_deg[self.record, self.sample]) ** 2)
+        self.estimate_deg = self.bend_deg.copy()
+        reward = -((self.estimate_deg - self.task.bend_deg[self.record, self.sample]) ** 2)
         self.episode_return += reward
         self.sample += 1
         ended = self.sample == self.task.pull_mm.shape[1]
@@ -187,11 +190,17 @@ class BatchEnvironment(SharedEnvironment):
 class EstimationEnvironment(gymnasium.Env[Array32, Array32]):
     """One episode at a time, for Gymnasium's tools; the same task and agent as the batched environment.
 
-    `gymnasium.make("rl.registration:EndoTwin/Estimation-v0", records=[(pull_mm, bend_deg), ...], model=...)`;
-    without records it makes a short one from the model itself, so that the id works by itself.
+    `gymnasium.make("EndoTwin/Estimation-v0", records=[(pull_mm, bend_deg), ...], model=...)` after
+    `import rl`; without records it makes a short one from the model itself, so that the id works by itself.
+
+    RAM observes phi / sqrt(R) on a symmetric logarithmic scale (1,), and acts by K_RAM of the angle, -1 to 1
+    for 0 to 1, and of the model's error, for 0 to 1 per second (2,). Direct RL observes the residual on that
+    scale [deg] and the increment of the pull [0.1 mm] (2,), and acts by the change of the angle (1,). The
+    reward is minus the square error [deg^2] times `reward_scale`. Infos hold `truth_deg`, `measured_deg` (NaN
+    where nothing was measured) and `estimate_deg`.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012  Gymnasium's own name
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012  Gymnasium's own name
 
     def __init__(
         self,
@@ -206,18 +215,15 @@ class EstimationEnvironment(gymnasium.Env[Array32, Array32]):
         render_mode: str | None = None,
     ):
         """Take records at T = `sample_time` [s], and the noise that they are met with."""
-        if agent not in POLICY_STEPS:
-            raise InputError(f"unknown agent {agent!r}; valid: {', '.join(POLICY_STEPS)}")
-        if records is None:
-            records = [model_record(PAPER_MODEL, sample_time)]
-        model = model or PAPER_MODEL
-        pull, bend = stack_records(records)
-        task = TrainingTask(pull, bend, noise, noise_level, initial_error_deg)
-        filtered = ActiveModel(model, sample_time, measurement_variance=noise_level)
-        self.batch = BatchEnvironment(task, filtered, 1, reward_scale=reward_scale, agent=agent)
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InputError(f"unknown render_mode {render_mode!r:.40}; valid: None, rgb_array")
+        self.batch = _batch(
+            1, records, model, agent, sample_time, noise, noise_level, initial_error_deg, reward_scale
+        )
         self.observation_space = self.batch.observation_space
         self.action_space = self.batch.action_space
         self.render_mode = render_mode
+        self.course: list[dict[str, float]] = []  # of the episode
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -226,14 +232,145 @@ class EstimationEnvironment(gymnasium.Env[Array32, Array32]):
         super().reset(seed=seed)
         if seed is not None:
             self.batch.seed(seed)
-        return self.batch.reset()[0], {}
+        observation = self.batch.reset()[0]
+        place = self.batch.record[0], 0
+        self.course = []
+        return observation, self._info(place, float(self.batch.measurement[0, 0]), self.batch.bend_deg)
 
     def step(self, action: Array32) -> tuple[Array32, float, bool, bool, dict[str, Any]]:
         """Apply one action; `truncated` at the end of the record."""
+        place = self.batch.record[0], int(self.batch.sample[0])
+        measured = float(self.batch.measurement[0, place[1]])
         observation, reward, done, infos = self.batch.step(np.asarray(action)[None])
         ended = bool(done[0])
         seen: Array32 = infos[0]["terminal_observation"] if ended else np.asarray(observation)[0]
-        return seen, float(reward[0]), False, ended, {}
+        return seen, float(reward[0]), False, ended, self._info(place, measured, self.batch.estimate_deg)
+
+    def _info(self, place: tuple[int, int], measured: float, estimate: Array) -> dict[str, Any]:
+        pull, truth = (float(of[place]) for of in (self.batch.task.pull_mm, self.batch.task.bend_deg))
+        info = {"truth_deg": truth, "measured_deg": measured, "estimate_deg": float(estimate[0])}
+        self.course.append(info | {"pull_mm": pull})
+        return info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return the episode so far, angles over the pull, (400, 600, 3); None without a render mode."""
+        if self.render_mode is None:
+            return None
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(6, 4), dpi=100, layout="constrained")
+        canvas, axes = FigureCanvasAgg(figure), figure.subplots()
+        pull = [of["pull_mm"] for of in self.course]
+        for name, style in (("measured_deg", "."), ("truth_deg", "-"), ("estimate_deg", "-")):
+            axes.plot(pull, [of[name] for of in self.course], style, label=name.removesuffix("_deg"))
+        axes.set(xlabel="pull [mm]", ylabel="bend [deg]")
+        axes.legend(loc="upper left")
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+class VectorEstimation(gymnasium.vector.VectorEnv[Array32, Array32, NDArray[Any]]):
+    """Many episodes side by side for `gymnasium.make_vec`: the batched environment."""
+
+    metadata = {"autoreset_mode": gymnasium.vector.AutoresetMode.SAME_STEP}  # noqa: RUF012
+
+    def __init__(self, num_envs: int = 1, records: Any = None, model: Any = None, **options: Any):
+        self.num_envs = num_envs
+        self.batch = _batch(num_envs, records, model, **options)
+        self.single_observation_space = self.batch.observation_space
+        self.single_action_space = self.batch.action_space
+        self.observation_space, self.action_space = (
+            gymnasium.vector.utils.batch_space(space, num_envs)
+            for space in (self.single_observation_space, self.single_action_space)
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array32, dict[str, Any]]:
+        """Begin a new episode in every environment."""
+        if seed is not None:
+            self.batch.seed(seed)
+        return self.batch.reset(), {}
+
+    def step(
+        self, actions: Array32
+    ) -> tuple[Array32, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Apply (num_envs, action_size) actions; where an episode ends, the next one has begun."""
+        self.batch.step_async(actions)
+        observation, reward, ended, infos = self.batch.step_wait()
+        info: dict[str, Any] = {}
+        if ended.any():
+            last = observation.copy()
+            for place in np.flatnonzero(ended):
+                last[place] = infos[place]["terminal_observation"]
+            info = {"final_obs": last, "_final_obs": ended}
+        return observation, reward.astype(float), np.zeros_like(ended), ended, info
+
+
+def _batch(
+    count: int,
+    records: Sequence[tuple[Array, Array]] | None = None,
+    model: HysteresisModel | None = None,
+    agent: str = RamStep.agent,
+    sample_time: float = 0.1,
+    noise: str = "gaussian",
+    noise_level: float = 0.1,
+    initial_error_deg: float = 20.0,
+    reward_scale: float = 1.0,
+) -> BatchEnvironment:
+    if agent not in POLICY_STEPS:
+        raise InputError(f"unknown agent {agent!r}; valid: {', '.join(POLICY_STEPS)}")
+    pull, bend = stack_records(records or [model_record(PAPER_MODEL, sample_time)])
+    task = TrainingTask(pull, bend, noise, noise_level, initial_error_deg)
+    filtered = ActiveModel(model or PAPER_MODEL, sample_time, measurement_variance=noise_level)
+    return BatchEnvironment(task, filtered, count, reward_scale=reward_scale, agent=agent)
+
+
+class EstimationTwinsEnvironment(EstimationEnvironment):
+    """The same task on endoscopes drawn from the ranges of a preset, each along a command of its own.
+
+    `gymnasium.make("EndoTwin/EstimationTwins-v0", preset="vio_com")`: reduced twins are simulated when it is
+    made, in seconds, and the filter predicts by the model of the nominal endoscope.
+    """
+
+    def __init__(
+        self,
+        preset: str = "ureteroscope",
+        *,
+        twins: int = 40,
+        seconds: float = 30.0,
+        stroke_mm: tuple[float, float] = (-4.0, 4.0),
+        sample_time: float = 0.1,
+        seed: int = 0,
+        **options: Any,
+    ):
+        """Simulate so many twins for so long [s]; other options are those of `EstimationEnvironment`."""
+        from rl.twins.records import SAMPLE_TIME, simulate_records
+        from rl.twins.run import nominal_model
+        from twin.preset import load_preset, load_ranges
+        from twin.reduced.members import NO_MEMBERS
+
+        every = round(sample_time / SAMPLE_TIME)
+        if every < 1 or abs(every * SAMPLE_TIME - sample_time) > 1e-9:
+            raise InputError(f"sample_time = {sample_time:g} s: must be a multiple of {SAMPLE_TIME:g} s")
+        endoscope = load_preset(preset)
+        pull, _, bend = simulate_records(
+            endoscope,
+            load_ranges(preset),
+            NO_MEMBERS,
+            commands=-(-twins // TWINS_OF_COMMAND),
+            twins=TWINS_OF_COMMAND,
+            seconds=seconds,
+            stroke_mm=stroke_mm,
+            seed=seed,
+        )
+        records = [
+            (along[::every].astype(float), angle[::every].astype(float))
+            for along, angles in zip(pull, bend, strict=True)
+            for angle in angles
+        ]
+        super().__init__(records, nominal_model(endoscope, seed), sample_time=sample_time, **options)
 
 
 PAPER_MODEL = ColemanHodgdon(1.15, 22.38, 5.0)  # eq. 12

@@ -108,22 +108,11 @@ def export_actor(ppo: "PPO", description: dict[str, Any], path: Path) -> None:
     """Write the deterministic actor of PPO as ONNX: from an observation to an action within [-1, 1]."""
     import torch
 
+    from rl.algorithms import policy_of
     from rl.export import export_module
 
-    class Actor(torch.nn.Module):
-        """The network without value function and exploration."""
-
-        def __init__(self) -> None:
-            super().__init__()
-            self.hidden = ppo.policy.mlp_extractor.policy_net
-            self.mean = ppo.policy.action_net
-
-        def forward(self, observation: torch.Tensor) -> torch.Tensor:
-            action: torch.Tensor = self.mean(self.hidden(observation)).clamp(-1, 1)
-            return action
-
     export_module(
-        Actor(),
+        torch.nn.Sequential(policy_of(ppo), torch.nn.Hardtanh()),
         {INPUT: torch.zeros(2, OBSERVED)},
         [OUTPUT],
         {INPUT: [0]},

@@ -19,7 +19,7 @@ from twin.hysteresis import ColemanHodgdon
 __all__ = ["small_disk"]
 
 # The same examples every time, whatever the machine; `--hypothesis-profile=thorough` draws ten times as many.
-settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=50)
+settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=30)
 settings.register_profile("thorough", deadline=None, max_examples=500)
 settings.load_profile("repeatable")
 

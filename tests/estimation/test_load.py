@@ -36,8 +36,11 @@ AGENTS = [
 def trained(request, records, model, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     options = TrainingOptions(agent=request.param, seed=1, **FEW)
-    # trainings on all nine noises are back in time too
-    simulated = Simulated(PRESET, RANGES, {"noises": TINY.noises})
+    tiny = ("noises", "sequences", "episode", "window", "noise_model_sequences", "interval_sequences")
+    of_twins = {
+        name: getattr(TINY, name) for name in tiny if request.param == "ram-twins" or name == "noises"
+    }
+    simulated = Simulated(PRESET, RANGES, of_twins)
     material = Material(records, ActiveModel(model, 0.1), simulated)
     with pytest.MonkeyPatch.context() as patch:
         briefly.choose_members(patch)

@@ -9,26 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twin.estimation.estimator import Sensor
-from twin.estimation.set_membership import Ellipsoid, ErrorBound, SetMembershipFilter
+from twin.estimation.set_membership import ErrorBound, SetMembershipFilter
 from twin.hysteresis.prandtl_ishlinskii import PrandtlIshlinskii
 
 NAMES = [model.name for model in MODELS]
-
-
-def states(tuned: SetMembershipFilter, pull: np.ndarray, measurement: np.ndarray, initial: np.ndarray):
-    state = tuned.start(pull[:, 0], initial)
-    yield state
-    for k in range(1, pull.shape[1]):
-        state = tuned.step(state, pull[:, k], pull[:, k - 1], measurement[:, k])
-        yield state
-
-
-def inside(ellipsoid: Ellipsoid, theta: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """(x - c)^T P^-1 (x - c) - 1 of points (B, ...); at most 0 inside."""
-    x = theta - ellipsoid.centre[0][:, None], f - ellipsoid.centre[1][:, None]
-    P = ellipsoid.shape[..., None]
-    determinant = P[0, 0] * P[1, 1] - P[0, 1] ** 2
-    return (P[1, 1] * x[0] ** 2 - 2 * P[0, 1] * x[0] * x[1] + P[0, 0] * x[1] ** 2) / determinant - 1
 
 
 @pytest.mark.parametrize("style", ["even", "ends", "one sided"])
@@ -37,67 +21,30 @@ def inside(ellipsoid: Ellipsoid, theta: np.ndarray, f: np.ndarray) -> np.ndarray
 @given(
     slope=st.floats(0, 20),
     floor=st.sampled_from([0.0, 0.01, 0.5]),
-    f_bound=st.sampled_from([(0.0, 0.0), (3.0, 0.0), (3.0, 0.1), (5.0, 2.0)]),
     noise=st.floats(0.01, 5),
     seed=st.integers(0, 10_000),
 )
-def test_truth_is_in_the_set_in_all_runs_at_all_samples(model, style, slope, floor, f_bound, noise, seed):
-    """40 runs of 120 samples in each of 72 settings, f and gaps in the measurements included."""
+def test_truth_is_in_the_set_in_all_runs_at_all_samples(model, style, slope, floor, noise, seed):
+    """40 runs of 120 samples in each of 72 settings, gaps in the measurements included."""
     rng = np.random.default_rng(seed)
-    bound = ErrorBound(slope, floor, *f_bound)
+    bound = ErrorBound(slope, floor)
     pull = pulls(rng)
-    bend, f = simulate(model, bound, pull, rng, style)
+    bend = simulate(model, bound, pull, rng, style)
     measurement = bend + noise * bounded(rng, bend.shape, style)
     measurement[rng.random(bend.shape) < 0.1] = np.nan
     initial = bend[:, 0] + 20 * bounded(rng, (BATCH,), style)
     tuned = SetMembershipFilter(model, T, bound).with_sensor(Sensor(noise**2 / 3, noise))
     low, high = tuned.intervals(pull, measurement, initial)
     assert ((low <= bend) & (bend <= high)).all()
-    for k, state in enumerate(states(tuned, pull, measurement, initial)):
-        assert (state.low[1] <= f[:, k]).all()
-        assert (f[:, k] <= state.high[1]).all()
-        assert inside(state.ellipsoid, bend[:, k : k + 1], f[:, k : k + 1]).max() < 1e-6
-
-
-@pytest.mark.parametrize("model", MODELS, ids=NAMES)
-def test_every_point_that_the_measurements_allow_stays_in_the_set(model):
-    """A fine grid of [theta, f] carried exactly, with errors at the corners of their bounds."""
-    rng = np.random.default_rng(1)
-    bound = ErrorBound(3.0, 0.05, 4.0, 0.3)
-    pull = pulls(rng, 1, 40)
-    bend, _ = simulate(model, bound, pull, rng, "even")
-    measurement = bend + rng.uniform(-2, 2, bend.shape)
-    tuned = SetMembershipFilter(model, T, bound, 2.0)
-    initial = bend[:, 0] + 5
-    theta, f = np.meshgrid(np.linspace(initial[0] - 20, initial[0] + 20, 401), np.linspace(-4, 4, 81))
-    theta, f = theta.ravel(), f.ravel()
-    memory = model.start(pull[:, 0])
-    for k, state in enumerate(states(tuned, pull, measurement, initial)):
-        if k > 0:
-            carried = [np.full(theta.size, pull[0, i]) for i in (k, k - 1)]
-            stepped, moved = model.step(theta, np.repeat(memory, theta.size, axis=1), *carried)
-            memory = moved[:, :1]
-            reach = bound.of_step(*carried)
-            theta = stepped + T * f + rng.choice([-1, 1], theta.size) * reach
-            f = np.clip(f + rng.choice([-0.3, 0.3], f.size), -4, 4)
-            allowed = np.abs(measurement[0, k] - theta) <= 2
-            assert allowed.any()
-            survivors = rng.choice(np.flatnonzero(allowed), 30_000)  # each goes on with errors of its own
-            theta, f = theta[survivors], f[survivors]
-        assert state.low[0, 0] <= theta.min()
-        assert theta.max() <= state.high[0, 0]
-        assert state.low[1, 0] <= f.min()
-        assert f.max() <= state.high[1, 0]
-        assert inside(state.ellipsoid, theta[None], f[None]).max() < 1e-6
 
 
 @given(slope=st.floats(0, 20), floor=st.floats(0, 1), noise=st.floats(0.01, 5), seed=st.integers(0, 10_000))
-def test_without_f_the_interval_is_the_exact_one(slope, floor, noise, seed):
+def test_the_interval_is_the_exact_one(slope, floor, noise, seed):
     """One number is the state: its interval shrinks by the model, grows by the bound, meets the strip."""
     rng = np.random.default_rng(seed)
     bound = ErrorBound(slope, floor)
     pull = pulls(rng, 5, 60)
-    bend, _ = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
+    bend = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
     measurement = bend + rng.uniform(-noise, noise, bend.shape)
     tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, noise)
     low, high = tuned.intervals(pull, measurement, bend[:, 0])
@@ -120,7 +67,7 @@ def test_a_measurement_that_breaks_its_bound_does_not_lose_the_truth(jump):
     rng = np.random.default_rng(4)
     bound = ErrorBound(1.0, 0.05)
     pull = pulls(rng)
-    bend, _ = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
+    bend = simulate(COLEMAN_HODGDON, bound, pull, rng, "even")
     clean = bend + rng.uniform(-1, 1, bend.shape)
     tuned = SetMembershipFilter(COLEMAN_HODGDON, T, bound, 1.0)
     outlier = clean.copy()

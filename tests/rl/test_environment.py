@@ -5,7 +5,7 @@ from gymnasium.utils.env_checker import check_env as check_gymnasium
 from stable_baselines3.common.env_checker import check_env as check_stable_baselines
 
 from rl.environment import BatchEnvironment, EstimationEnvironment
-from rl.registration import ENVIRONMENT_ID, register_environments
+from rl.registration import ENVIRONMENT_ID, TWINS_ID
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.knowledge import TrainingTask, stack_records
 
@@ -19,12 +19,49 @@ def batch(task, model, count, seed=0):
     return BatchEnvironment(task, ActiveModel(model, 0.1), count, seed)
 
 
-@pytest.mark.parametrize("agent", ["ram", "direct"])
-def test_registered_environment_passes_both_checkers(agent):
-    register_environments()
-    environment = gymnasium.make(ENVIRONMENT_ID, agent=agent)
-    check_gymnasium(environment.unwrapped, skip_render_check=True)
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        (ENVIRONMENT_ID, {"agent": "ram", "render_mode": "rgb_array"}),
+        (ENVIRONMENT_ID, {"agent": "direct"}),
+        (TWINS_ID, {"twins": 4, "seconds": 4.0}),
+    ],
+)
+def test_registered_environment_passes_both_checkers(name, options):
+    environment = gymnasium.make(name, **options)
+    check_gymnasium(environment.unwrapped, skip_render_check="render_mode" not in options)
     check_stable_baselines(environment.unwrapped)
+
+
+def test_a_vector_of_environments_is_the_batch_and_one_that_ends_begins_again(records, model):
+    vector = gymnasium.make_vec(ENVIRONMENT_ID, 3, records=records, model=model)
+    many = batch(TrainingTask(*stack_records(records)), model, 3)
+    many.seed(5)
+    np.testing.assert_array_equal(vector.reset(seed=5)[0], many.reset())
+    ended = 0
+    for _ in range(len(records[0][0])):
+        action = vector.action_space.sample()
+        seen, reward, _, truncated, info = vector.step(action)
+        expected = many.step(action)
+        np.testing.assert_array_equal(seen, expected[0])
+        np.testing.assert_array_equal(reward.astype(np.float32), expected[1])
+        for place in np.flatnonzero(truncated):
+            ended += 1
+            np.testing.assert_array_equal(
+                info["final_obs"][place], expected[3][place]["terminal_observation"]
+            )
+    assert ended >= 3
+
+
+def test_infos_and_pictures_show_the_episode(records, model):
+    environment = EstimationEnvironment(records, model, render_mode="rgb_array")
+    _, info = environment.reset(seed=1)
+    assert abs(info["estimate_deg"] - info["truth_deg"]) <= 20
+    before = environment.render()
+    _, reward, _, _, info = environment.step(np.zeros(2, np.float32))
+    assert reward == pytest.approx(-((info["estimate_deg"] - info["truth_deg"]) ** 2), rel=1e-5)
+    assert environment.render().shape == before.shape == (400, 600, 3)
+    assert (environment.render() != before).any()
 
 
 def test_single_environment_is_the_batch_of_one(records, model):

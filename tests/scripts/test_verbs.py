@@ -45,6 +45,7 @@ def test_same_seed_same_table_in_another_process(workspace, tmp_path):
     assert first == second
 
 
+@pytest.mark.slow
 def test_a_method_that_is_not_given_is_trained_and_kept_with_the_results(workspace, tmp_path):
     line = (
         f"{EVALUATE} {POLICIES} --train data/train --suite paper-only --episodes 16 --out {tmp_path}/results"

@@ -28,16 +28,13 @@ def bounded(rng: np.random.Generator, shape: tuple[int, ...], style: str) -> np.
 
 
 def simulate(model, bound: ErrorBound, pull: np.ndarray, rng: np.random.Generator, style: str):
-    """Angles and f (B, N) of a system that keeps within its bounds."""
+    """Angles (B, N) of a system that keeps within its bounds."""
     count, samples = pull.shape
-    bend, f = np.empty(pull.shape), np.empty(pull.shape)
+    bend = np.empty(pull.shape)
     bend[:, 0] = rng.uniform(20, 100, count)
-    f[:, 0] = bound.error_deg_per_s * bounded(rng, (count,), style)
     memory = model.start(pull[:, 0])
     for k in range(1, samples):
         stepped, memory = model.step(bend[:, k - 1], memory, pull[:, k], pull[:, k - 1])
         reach = bound.slope_deg_per_mm * np.abs(pull[:, k] - pull[:, k - 1]) + bound.floor_deg
-        bend[:, k] = stepped + T * f[:, k - 1] + reach * bounded(rng, (count,), style)
-        change = bound.increment_deg_per_s * bounded(rng, (count,), style)
-        f[:, k] = np.clip(f[:, k - 1] + change, -bound.error_deg_per_s, bound.error_deg_per_s)
-    return bend, f
+        bend[:, k] = stepped + reach * bounded(rng, (count,), style)
+    return bend
