@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 Tensor = torch.Tensor
 Wrap = Callable[[gymnasium.Env[Any, Any]], gymnasium.Env[Any, Any]]
 EXPLORATION = 0.1  # standard deviation of the actions that TD3 tries about its own
+EPOCHS = 6  # passes of PPO over the samples of an update
+FIRST_LOG_STD = -1.0  # of PPO's first exploration, in actions from -1 to 1
 REPLAYED = 200_000  # latest samples that SAC and TD3 learn from
 
 
@@ -62,7 +64,7 @@ def _off_policy(kind: type[SAC] | type[TD3]) -> Callable[[VecEnv, "TrainingOptio
     return make
 
 
-def new_ppo(environment: VecEnv, training: "TrainingOptions") -> PPO:
+def new_ppo(environment: VecEnv, training: "TrainingOptions", epochs: int = EPOCHS) -> PPO:
     """Return an untrained policy with the parameters of a training."""
     widths = list(training.network)
     ppo = PPO(
@@ -70,6 +72,7 @@ def new_ppo(environment: VecEnv, training: "TrainingOptions") -> PPO:
         environment,
         learning_rate=training.learning_rate,
         n_steps=training.horizon // training.environments,
+        n_epochs=epochs,
         batch_size=training.minibatch,
         gamma=training.discount,
         clip_range=training.clip,
@@ -77,6 +80,7 @@ def new_ppo(environment: VecEnv, training: "TrainingOptions") -> PPO:
         device="cpu",
         policy_kwargs={
             "net_arch": {"pi": widths, "vf": widths},
+            "log_std_init": FIRST_LOG_STD,
             "optimizer_kwargs": {"fused": True, "eps": 1e-5},
         },
     )
@@ -205,5 +209,5 @@ def policy_of(agent: BaseAlgorithm | torch.nn.Module) -> torch.nn.Module:
 
 
 def quiet(agent: BaseAlgorithm) -> None:
-    """Keep the figures of an agent to callbacks: its own logger makes a folder elsewhere."""
+    """Keep the figures of an agent to callbacks; its own logger makes a folder elsewhere."""
     agent.set_logger(Logger(folder=None, output_formats=[]))

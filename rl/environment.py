@@ -206,20 +206,14 @@ class EstimationEnvironment(gymnasium.Env[Array32, Array32]):
         self,
         records: Sequence[tuple[Array, Array]] | None = None,
         model: HysteresisModel | None = None,
-        agent: str = RamStep.agent,
-        sample_time: float = 0.1,
-        noise: str = "gaussian",
-        noise_level: float = 0.1,
-        initial_error_deg: float = 20.0,
-        reward_scale: float = 1.0,
+        *,
         render_mode: str | None = None,
+        **options: Any,
     ):
-        """Take records at T = `sample_time` [s], and the noise that they are met with."""
+        """Take records at T and the model that the filter predicts by; options are those of `make_batch`."""
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"unknown render_mode {render_mode!r:.40}; valid: None, rgb_array")
-        self.batch = _batch(
-            1, records, model, agent, sample_time, noise, noise_level, initial_error_deg, reward_scale
-        )
+        self.batch = make_batch(1, records, model, **options)
         self.observation_space = self.batch.observation_space
         self.action_space = self.batch.action_space
         self.render_mode = render_mode
@@ -276,8 +270,9 @@ class VectorEstimation(gymnasium.vector.VectorEnv[Array32, Array32, NDArray[Any]
     metadata = {"autoreset_mode": gymnasium.vector.AutoresetMode.SAME_STEP}  # noqa: RUF012
 
     def __init__(self, num_envs: int = 1, records: Any = None, model: Any = None, **options: Any):
+        """Take what `EstimationEnvironment` does."""
         self.num_envs = num_envs
-        self.batch = _batch(num_envs, records, model, **options)
+        self.batch = make_batch(num_envs, records, model, **options)
         self.single_observation_space = self.batch.observation_space
         self.single_action_space = self.batch.action_space
         self.observation_space, self.action_space = (
@@ -308,10 +303,11 @@ class VectorEstimation(gymnasium.vector.VectorEnv[Array32, Array32, NDArray[Any]
         return observation, reward.astype(float), np.zeros_like(ended), ended, info
 
 
-def _batch(
+def make_batch(
     count: int,
-    records: Sequence[tuple[Array, Array]] | None = None,
-    model: HysteresisModel | None = None,
+    records: Sequence[tuple[Array, Array]] | None,
+    model: HysteresisModel | None,
+    *,
     agent: str = RamStep.agent,
     sample_time: float = 0.1,
     noise: str = "gaussian",
@@ -319,6 +315,7 @@ def _batch(
     initial_error_deg: float = 20.0,
     reward_scale: float = 1.0,
 ) -> BatchEnvironment:
+    """Return episodes side by side of an agent, `ram` or `direct`, at T = `sample_time` [s]."""
     if agent not in POLICY_STEPS:
         raise InputError(f"unknown agent {agent!r}; valid: {', '.join(POLICY_STEPS)}")
     pull, bend = stack_records(records or [model_record(PAPER_MODEL, sample_time)])

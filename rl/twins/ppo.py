@@ -129,7 +129,7 @@ def learn_by_ppo(
         seed=settings.seed,
     )
     environment = TwinsEnvironment(step, source, settings, options.environments, options.reward_scale)
-    ppo = new_ppo(environment, options)
+    ppo = new_ppo(environment, options, epochs=10)
     with torch.no_grad():
         for theirs, own in _shared(ppo, step):
             theirs.copy_(own)

@@ -6,6 +6,7 @@ import pytest
 import torch
 from pickles import planted_pickle, planted_zip
 
+from rl.algorithms import EPOCHS
 from rl.options import TrainingOptions
 from rl.run import load_checkpoint, save_checkpoint
 from rl.training import train_policy
@@ -53,7 +54,7 @@ def test_a_stopped_training_continues_with_its_network_optimiser_and_curve(setti
     steps = [int(of["step"]) for of in saved["policy.optimizer"]["state"].values()]
     assert 0 < saved["samples"] < 48 * 89
     assert (
-        min(steps) == max(steps) == 10 * 2 * saved["samples"] / 256
+        min(steps) == max(steps) == EPOCHS * 2 * saved["samples"] / 256
     )  # epochs and minibatches of each update
     begun = []
     train_policy(*setting, PLAN, stopped, lambda done, *_: begun.append(done))

@@ -84,7 +84,7 @@ def test_training_that_diverges_says_so(records, active_model, tmp_path, monkeyp
     fresh = training.MAKERS["ppo"]
     monkeypatch.setitem(training.MAKERS, "ppo", spoiled)
     with pytest.raises(
-        FloatingPointError, match="the training has diverged after 0 samples: lower `learning"
+        FloatingPointError, match="the training has diverged after 1024 samples: lower `learning"
     ):
         train_policy(records, active_model, SHORT, tmp_path)
     assert not (tmp_path / "policy.onnx").exists()

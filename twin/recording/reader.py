@@ -372,19 +372,12 @@ def episode_files(path: str | Path) -> list[Path]:
 
 @dataclasses.dataclass(frozen=True)
 class Recovered:
-    """What precedes the first fault of a file: complete samples, in the order of time.
+    """What precedes the first fault of a file: complete samples, in the order of time."""
 
-    Attributes:
-        episode: the complete samples; its metadata has an item `recovered`, unless the file has no fault.
-        samples: number of complete samples.
-        samples_expected: number of samples that the file once had, by its metadata; None if unknown.
-        faults: first fault of the file; empty if it has none.
-    """
-
-    episode: Episode
-    samples: int
-    samples_expected: int | None
-    faults: tuple[str, ...] = ()
+    episode: Episode  # of these samples; its metadata has an item `recovered`, unless the file has no fault
+    samples: int  # number of complete samples
+    samples_expected: int | None  # number that the file once had, by its metadata; None if unknown
+    faults: tuple[str, ...] = ()  # first fault of the file; empty if it has none
 
     @property
     def summary(self) -> str:

@@ -41,23 +41,14 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 @dataclasses.dataclass(frozen=True)
 class Look:
-    """Options of a picture or a film.
+    """Options of a picture or a film."""
 
-    Attributes:
-        camera: one of `CAMERAS`.
-        background: white, dark or transparent.
-        sleeve: of the bending section: cut, whole or none.
-        panels: both, view or curves.
-        size: width and height [pixels]; None: what suits the kind of file.
-        dpi: pixels per inch of a picture; a film has none.
-    """
-
-    camera: str = "side"
-    background: str = "white"
-    sleeve: str = "cut"
-    panels: str = "both"
-    size: tuple[int, int] | None = None
-    dpi: int = 200
+    camera: str = "side"  # one of `CAMERAS`
+    background: str = "white"  # or dark, transparent
+    sleeve: str = "cut"  # of the bending section; or whole, none
+    panels: str = "both"  # or view, curves
+    size: tuple[int, int] | None = None  # width and height [pixels]; None: what suits the kind of file
+    dpi: int = 200  # pixels per inch of a picture; a film has none
 
     def __post_init__(self) -> None:
         valid = {"camera": CAMERAS, "background": tuple(THEMES), "sleeve": SLEEVES, "panels": PANELS}

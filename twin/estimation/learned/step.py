@@ -43,21 +43,13 @@ _LARGEST_STATE = 4096
 
 @dataclasses.dataclass(frozen=True)
 class StepNetwork:
-    """A graph of one sample.
-
-    Attributes:
-        file: the trained file.
-        inputs: names of what it takes, without the state.
-        state: shape of each array of the state of one filter, by name.
-        states_interval: whether it returns half of a 95 % interval.
-        first: numbers of the state that are not zero at the start.
-    """
+    """A graph of one sample."""
 
     file: TrainedFile
-    inputs: tuple[str, ...]
-    state: Mapping[str, tuple[int, ...]]
-    states_interval: bool
-    first: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    inputs: tuple[str, ...]  # names of what it takes, without the state
+    state: Mapping[str, tuple[int, ...]]  # shape of each array of the state of one filter, by name
+    states_interval: bool  # whether it returns half of a 95 % interval
+    first: Mapping[str, float] = dataclasses.field(default_factory=dict)  # numbers that do not start at zero
 
     def start(self, batch: int, bend_deg: Array | None = None) -> Memory:
         """Return the state before anything is measured, at (B,) initial estimates [deg]."""

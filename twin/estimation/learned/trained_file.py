@@ -50,11 +50,7 @@ class TrainedFile:
 
 
 class BoundFile:
-    """A trained network on arrays of its own for one filter: a run converts and allocates nothing.
-
-    Attributes:
-        inputs: arrays to fill before a run, by name.
-    """
+    """A trained network for one filter on its own arrays `inputs`, by name, to be filled before a run."""
 
     def __init__(self, file: TrainedFile):
         self._session, self._binding = file.session, file.session.io_binding()
