@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 Tensor = torch.Tensor
 Wrap = Callable[[gymnasium.Env[Any, Any]], gymnasium.Env[Any, Any]]
-EXPLORATION = 0.1  # standard deviation of the actions that TD3 tries about its own
 EPOCHS = 6  # passes of PPO over the samples of an update
 FIRST_LOG_STD = -1.0  # of PPO's first exploration, in actions from -1 to 1
 REPLAYED = 200_000  # latest samples that SAC and TD3 learn from
@@ -47,7 +46,7 @@ def _off_policy(kind: type[SAC] | type[TD3]) -> Callable[[VecEnv, "TrainingOptio
         more: dict[str, Any] = {}
         if kind is TD3:
             size = environment.action_space.sample().shape
-            more["action_noise"] = NormalActionNoise(np.zeros(size), np.full(size, EXPLORATION))
+            more["action_noise"] = NormalActionNoise(np.zeros(size), np.full(size, 0.1))
         return kind(
             "MlpPolicy",
             environment,

@@ -3,7 +3,7 @@
 import pytest
 
 import scripts.benchmark
-from scripts.benchmarks.harness import MEASUREMENTS, Result, in_turn, measure, results_table
+from scripts.benchmarks.harness import MEASUREMENTS, Result, measure, results_table
 
 
 @pytest.mark.parametrize("word", ["amplitude", "cycles", "draws", "known"])
@@ -47,15 +47,3 @@ def test_each_is_measured_once_with_its_options(monkeypatch):
 def test_a_bar_is_of_the_value_or_of_its_ratio(bar, holds):
     assert Result("x", 1.0, "s", bar, peer="it", peer_value=0.5).holds is holds
     assert not Result("x", 1.0, "s", bar, kept=False).holds
-
-
-def test_two_jobs_take_turns_and_the_first_turn_does_not_count():
-    done, now = [], [0.0]
-    costs = {"a": iter([100, 1, 5, 2]), "b": iter([100, 20, 10, 90])}
-
-    def job(name):
-        done.append(name)
-        now[0] += next(costs[name])
-
-    assert in_turn(lambda: job("a"), lambda: job("b"), repeats=3, clock=lambda: now[0]) == (2, 20)
-    assert done == ["a", "b"] * 4

@@ -131,6 +131,7 @@ def test_a_walk_ends_in_the_lower_of_two_valleys(problem, monkeypatch, side):
     assert (found - free.start)[0] * side == pytest.approx(0.45, abs=0.02)
 
 
+@pytest.mark.slow
 def test_wires_with_slack_are_chosen_where_the_logs_show_a_plateau():
     slack = TRUTH.replace(wire_slack=8e-4, command_zero=3e-4)
     logs = [measured_loop(recorded(slack, cycles=2.3), "slack", SAMPLE_TIME)]

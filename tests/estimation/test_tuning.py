@@ -75,6 +75,7 @@ def test_tuning_does_not_touch_the_noise_and_does_not_lose_likelihood():
     assert innovation_log_likelihood(tuned, *data) > innovation_log_likelihood(start, *data) + 100
 
 
+@pytest.mark.slow
 def test_tuning_recovers_the_noise_too_where_it_is_asked_to():
     rng = np.random.default_rng(4)
     bend, measurement = simulate(0.05, 0.02, 0.4, 80, 120, rng)

@@ -48,6 +48,7 @@ def test_a_law_is_a_density_whose_mean_it_tells(doubt):
     np.testing.assert_allclose(torch.exp(every.log_prior).sum(dim=-1), 1, rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variance", [0.1, 1.0, 5.0])
 def test_the_lesson_finds_the_densities_of_the_families(learned, variance):
     """Smeared by a third of R, as a filter's belief would; the distance is that of total variation."""
@@ -62,6 +63,7 @@ def test_the_lesson_finds_the_densities_of_the_families(learned, variance):
         assert abs(float(every.mean[0, noise_model])) < 0.05
 
 
+@pytest.mark.slow
 def test_a_sharp_law_tells_more_of_the_angle_than_its_variance_says(learned):
     """Fisher's information of a normal distribution is one over its variance; that of any other is larger."""
     _, every = density(learned, 1.0, 0)

@@ -35,6 +35,7 @@ def test_the_estimator_says_what_the_step_says(name, tmp_path):
         np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=5e-3)
 
 
+@pytest.mark.slow
 def test_likelihood_teaches_a_variance_that_is_that_of_the_errors():
     """Before, the variance that a recursive gain states is far above the square of its errors."""
     torch.manual_seed(0)

@@ -61,7 +61,7 @@ def test_other_algorithms_train_an_estimator(records, model, tmp_path, options):
     path = trained(records, model, tmp_path, **options)
     assert read_trained_file(path).agent == "own"
     estimator = load_estimator(path).with_sensor(Sensor(0.1))
-    _, off = run_faulty(estimator, 0.1, 1500, seed=1)
+    _, off = run_faulty(estimator, 0.1, 600, seed=1)
     assert max(off.values()) < 20, off
 
 
