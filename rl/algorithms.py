@@ -29,7 +29,7 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor
 
 from twin.errors import InputError
-from twin.files.program import run_program
+from twin.files.program import program_error, run_program
 
 if TYPE_CHECKING:
     from rl.options import TrainingOptions
@@ -45,8 +45,8 @@ def _off_policy(kind: type[SAC] | type[TD3]) -> Callable[[VecEnv, "TrainingOptio
     def make(environment: VecEnv, options: "TrainingOptions") -> BaseAlgorithm:
         more: dict[str, Any] = {}
         if kind is TD3:
-            size = environment.action_space.sample().shape
-            more["action_noise"] = NormalActionNoise(np.zeros(size), np.full(size, 0.1))
+            still = np.zeros_like(environment.action_space.sample())
+            more["action_noise"] = NormalActionNoise(still, still + 0.1)
         return kind(
             "MlpPolicy",
             environment,
@@ -109,7 +109,10 @@ class AgentFile:
 
     def make(self, environment: VecEnv, options: "TrainingOptions") -> BaseAlgorithm | torch.nn.Module:
         """Return the user's agent for an environment."""
-        agent = self.module.make_agent(environment, options.seed)
+        try:
+            agent = self.module.make_agent(environment, options.seed)
+        except Exception as error:
+            raise program_error(self.path, "agent file", error) from error
         if not isinstance(agent, BaseAlgorithm | torch.nn.Module):
             raise InputError(
                 f"agent file {self.path}: make_agent returned {type(agent).__name__}: must be an algorithm "

@@ -19,24 +19,16 @@ NOTHING_MEASURED = 1e30  # variance of a measurement that is missing [deg^2]
 
 
 class PolicyStep(torch.nn.Module):
-    """One sample of B estimators that a policy steers, (B,) tensors by name.
+    """One sample of B estimators that a policy steers, (B,) tensors by name."""
 
-    Attributes:
-        inputs: names of what it takes, in the order of its graph.
-        state: names of its state.
-        start: numbers of the state that are not zero at the start, apart from `previous_deg`.
-        agent: word of the command line.
-        policy: from (B, observations) to (B, actions) within [-1, 1]; needed by the deployed graph alone.
-    """
-
-    agent: ClassVar[str]
-    inputs: ClassVar[tuple[str, ...]]
-    state: ClassVar[tuple[str, ...]]
+    agent: ClassVar[str]  # word of the command line
+    inputs: ClassVar[tuple[str, ...]]  # names of what it takes, in the order of its graph
+    state: ClassVar[tuple[str, ...]]  # names of its state
 
     def __init__(self, active_model: ActiveModel, policy: torch.nn.Module | None = None):
         super().__init__()
-        self.policy = policy
-        self.start: dict[str, float] = {}
+        self.policy = policy  # (B, observations) to (B, actions) in [-1, 1], for the deployed graph
+        self.start: dict[str, float] = {}  # numbers that do not start at zero, but for `previous_deg`
 
     @property
     def observations(self) -> int:

@@ -76,6 +76,7 @@ def train_policy(
     check_memory(training, pull.shape[1])
     own = AgentFile(Path(training.agent_file)) if training.agent_file else None
     configuration = run_configuration(records, active_model, training)
+    del configuration["training"]["agent_file"]  # it may be moved: its contents are what counts
     if own:
         configuration["agent_file"] = {"name": own.path.name, "sha256": own.sha256}
     policy_path, checkpoint = folder / POLICY_FILE, folder / CHECKPOINT_FILE
@@ -88,6 +89,8 @@ def train_policy(
             )
             modules = modules_of(environment.envs[0]) if own and own.wrap else []  # type: ignore[attr-defined]
             policy, total = policy_of(agent), training.episodes * (pull.shape[1] - 1)
+            if modules and hasattr(policy, "memory"):
+                raise InputError(f"agent file {training.agent_file}: a policy with a memory takes no wrapper")
             if isinstance(agent, BaseAlgorithm):
                 key = state_key(__version__, torch.__version__, _without(configuration, GROWS), pull, bend)
                 quiet(agent)
@@ -99,13 +102,10 @@ def train_policy(
                 run.save()  # what goes on from here is a longer training
                 run.write()
                 policy = run.policy
-            own_kind = bool(own) or training.algorithm != "ppo"
+            word = OWN.agent if own or training.algorithm != "ppo" else training.agent
             description = with_deployment(configuration, records, active_model, training.seed)
-            description = {"agent": OWN.agent if own_kind else training.agent} | description
             deployed = torch.nn.Sequential(*modules, policy) if modules else policy
-            if modules and hasattr(policy, "memory"):
-                raise InputError(f"agent file {training.agent_file}: a policy with a memory takes no wrapper")
-            export_policy(deployed, training.agent, active_model, description, policy_path)
+            export_policy(deployed, training.agent, active_model, {"agent": word} | description, policy_path)
             if own:
                 _check_deployable(own, policy_path)
             if shorter:  # the last: until then it is the shorter run, which may go on again

@@ -120,6 +120,10 @@ def test_a_wrapper_that_cannot_be_deployed_is_refused():
         ("x = 1", "defines no make_agent"),
         ("def make_agent(environment, seed):\n    return 3", "make_agent returned int: must be"),
         (CONSTANT.replace("0 * observation", "observation.new_zeros(len(observation), 1)"), "operator Shape"),
+        (
+            "def make_agent(environment, seed):\n    return 1 / 0",
+            "line 2: ZeroDivisionError: division by zero",
+        ),
         ("raise OSError('no disk')", r"agent file .*my_agent.py, line 1: OSError: no disk"),
     ],
 )

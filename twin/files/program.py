@@ -30,11 +30,16 @@ def run_program(path: Path, what: str) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:
         del sys.modules[name]
-        frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(file)]
-        line = error.lineno if isinstance(error, SyntaxError) else frames[-1].lineno if frames else None
-        text = error.msg if isinstance(error, SyntaxError) else str(error)
-        reason = (text.splitlines() or [""])[0][:200]
-        if not isinstance(error, InputError):
-            reason = f"{type(error).__name__}: {reason}"
-        raise InputError(f"{what} {path}{f', line {line}' if line else ''}: {reason}") from error
+        raise program_error(path, what, error) from error
     return module
+
+
+def program_error(path: Path, what: str, error: Exception) -> InputError:
+    """Return an error of a user's program in one line, with the line of the file that it comes from."""
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path.resolve())]
+    line = error.lineno if isinstance(error, SyntaxError) else frames[-1].lineno if frames else None
+    text = error.msg if isinstance(error, SyntaxError) else str(error)
+    reason = (text.splitlines() or [""])[0][:200]
+    if not isinstance(error, InputError):
+        reason = f"{type(error).__name__}: {reason}"
+    return InputError(f"{what} {path}{f', line {line}' if line else ''}: {reason}")
