@@ -31,8 +31,7 @@ class TrainingOptions:
     reward_scale: float = 0.05
     noise: str = "gaussian"  # measurement noise during training
     noise_level: float = 0.1  # its level: R = 0.1 in the paper
-    # records are met as they are, and with their departure from the model scaled down to this share; 1: not
-    error_scale: float = 0.3
+    error_scale: float = 0.3  # smallest share of their departure from the model that records are met with
     initial_error_deg: float = 20.0  # the initial estimate is off by up to this [deg]
     seed: int = 0  # of the network, the exploration and the noise
 

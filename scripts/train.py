@@ -142,9 +142,9 @@ def train(args: Train) -> Summary:
     before = _Before([folder], agent)
     with _followed([folder], args, progress) as on_progress:
         path = trainer.run(material, options, folder, on_progress)
-    return Summary(
-        f"{path}: {agent} trained on {source}{before.in_words()}", {"out": str(path), "agent": agent}
-    )
+    what = f"{agent} with {args.agent_file.name}" if args.agent_file else agent
+    line = f"{path}: {what} trained on {source}{before.in_words()}"
+    return Summary(line, {"out": str(path), "agent": agent})
 
 
 def _train_seeds(
