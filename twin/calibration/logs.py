@@ -204,12 +204,12 @@ def _wrong_motion(pull: Array) -> str:
     return ""
 
 
-Record = tuple[Path, Episode]  # a log, and the path that it was read from
+ReadLog = tuple[Path, Episode]  # a log, and the path that it was read from
 
 
-def first_windows(records: Sequence[Record], fraction: float) -> tuple[list[Record], list[Record]]:
+def first_windows(records: Sequence[ReadLog], fraction: float) -> tuple[list[ReadLog], list[ReadLog]]:
     """Divide logs into those to fit, and windows that are only predicted: the last of each file."""
-    parts: tuple[list[Record], list[Record]] = ([], [])
+    parts: tuple[list[ReadLog], list[ReadLog]] = ([], [])
     windows = collections.Counter(file_of_window(episode) for _, episode in records)
     wanted = {origin: max(round(fraction * count), 1) for origin, count in windows.items()}
     for record in records:
