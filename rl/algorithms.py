@@ -15,9 +15,10 @@ deployed as it is: from observations (B, n) to actions (B, m) within [-1, 1]. On
 
 import hashlib
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -28,11 +29,10 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor
 
+from rl.options import TrainingOptions
+from rl.recurrent import cell_of
 from twin.errors import InputError
 from twin.files.program import program_error, run_program
-
-if TYPE_CHECKING:
-    from rl.options import TrainingOptions
 
 Tensor = torch.Tensor
 Wrap = Callable[[gymnasium.Env[Any, Any]], gymnasium.Env[Any, Any]]
@@ -41,8 +41,8 @@ FIRST_LOG_STD = -1.0  # of PPO's first exploration, in actions from -1 to 1
 REPLAYED = 200_000  # latest samples that SAC and TD3 learn from
 
 
-def _off_policy(kind: type[SAC] | type[TD3]) -> Callable[[VecEnv, "TrainingOptions"], BaseAlgorithm]:
-    def make(environment: VecEnv, options: "TrainingOptions") -> BaseAlgorithm:
+def _off_policy(kind: type[SAC] | type[TD3]) -> Callable[[VecEnv, TrainingOptions], BaseAlgorithm]:
+    def make(environment: VecEnv, options: TrainingOptions) -> BaseAlgorithm:
         more: dict[str, Any] = {}
         if kind is TD3:
             still = np.zeros_like(environment.action_space.sample())
@@ -63,7 +63,7 @@ def _off_policy(kind: type[SAC] | type[TD3]) -> Callable[[VecEnv, "TrainingOptio
     return make
 
 
-def new_ppo(environment: VecEnv, training: "TrainingOptions", epochs: int = EPOCHS) -> PPO:
+def new_ppo(environment: VecEnv, training: TrainingOptions, epochs: int = EPOCHS) -> PPO:
     """Return an untrained policy with the parameters of a training."""
     widths = list(training.network)
     ppo = PPO(
@@ -87,7 +87,7 @@ def new_ppo(environment: VecEnv, training: "TrainingOptions", epochs: int = EPOC
     return ppo
 
 
-MAKERS: dict[str, Callable[[VecEnv, "TrainingOptions"], BaseAlgorithm]] = {
+MAKERS: dict[str, Callable[[VecEnv, TrainingOptions], BaseAlgorithm]] = {
     "ppo": new_ppo,
     "sac": _off_policy(SAC),
     "td3": _off_policy(TD3),
@@ -107,7 +107,7 @@ class AgentFile:
             raise InputError(f"agent file {path} defines no make_agent(environment, seed)")
         self.wrap: Wrap | None = getattr(self.module, "wrap", None)
 
-    def make(self, environment: VecEnv, options: "TrainingOptions") -> BaseAlgorithm | torch.nn.Module:
+    def make(self, environment: VecEnv, options: TrainingOptions) -> BaseAlgorithm | torch.nn.Module:
         """Return the user's agent for an environment."""
         try:
             agent = self.module.make_agent(environment, options.seed)
@@ -140,9 +140,9 @@ class ModuleObservation(gymnasium.ObservationWrapper[Any, Any, Any]):
             return self.module(torch.as_tensor(observation)[None])[0].numpy()
 
 
-def wrapped_environments(makers: Sequence[Callable[[], gymnasium.Env[Any, Any]]], wrap: Wrap) -> VecEnv:
+def wrapped_environments(singles: Sequence[gymnasium.Env[Any, Any]], wrap: Wrap) -> VecEnv:
     """Return environments side by side, each in the wrappers of the user."""
-    return VecMonitor(DummyVecEnv([lambda make=make: wrap(make()) for make in makers]))  # type: ignore[misc]
+    return VecMonitor(DummyVecEnv([partial(wrap, single) for single in singles]))
 
 
 def modules_of(environment: gymnasium.Env[Any, Any]) -> list[torch.nn.Module]:
@@ -174,14 +174,7 @@ class RecurrentPolicy(torch.nn.Module):
             policy.action_net,
         )
         layers = policy.lstm_actor
-        self.cells = torch.nn.ModuleList()
-        for number in range(layers.num_layers):
-            size = layers.input_size if number == 0 else layers.hidden_size
-            cell = torch.nn.LSTMCell(size, layers.hidden_size)
-            ending = f"_l{number}"
-            of_layer = {name: of for name, of in layers.state_dict().items() if name.endswith(ending)}
-            cell.load_state_dict({name.removesuffix(ending): of for name, of in of_layer.items()})
-            self.cells.append(cell)
+        self.cells = torch.nn.ModuleList(cell_of(layers, number) for number in range(layers.num_layers))
         self.memory = (layers.hidden_size,) * (2 * layers.num_layers)
 
     def forward(self, observation: Tensor, *memory: Tensor) -> tuple[Tensor, ...]:

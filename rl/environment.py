@@ -207,17 +207,21 @@ class EstimationEnvironment(gymnasium.Env[Array32, Array32]):
         records: Sequence[tuple[Array, Array]] | None = None,
         model: HysteresisModel | None = None,
         *,
+        batch: BatchEnvironment | None = None,
         render_mode: str | None = None,
         **options: Any,
     ):
-        """Take records at T and the model that the filter predicts by; options are those of `make_batch`."""
+        """Take records at T and the model that the filter predicts by, or a batch of one.
+
+        Options are those of `make_batch`.
+        """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"unknown render_mode {render_mode!r:.40}; valid: None, rgb_array")
-        self.batch = make_batch(1, records, model, **options)
+        self.batch = batch or make_batch(1, records, model, **options)
         self.observation_space = self.batch.observation_space
         self.action_space = self.batch.action_space
         self.render_mode = render_mode
-        self.course: list[dict[str, float]] = []  # of the episode
+        self.course: list[dict[str, float]] = []  # of the episode, where it is drawn
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -243,7 +247,8 @@ class EstimationEnvironment(gymnasium.Env[Array32, Array32]):
     def _info(self, place: tuple[int, int], measured: float, estimate: Array) -> dict[str, Any]:
         pull, truth = (float(of[place]) for of in (self.batch.task.pull_mm, self.batch.task.bend_deg))
         info = {"truth_deg": truth, "measured_deg": measured, "estimate_deg": float(estimate[0])}
-        self.course.append(info | {"pull_mm": pull})
+        if self.render_mode is not None:
+            self.course.append(info | {"pull_mm": pull})
         return info
 
     def render(self) -> NDArray[np.uint8] | None:

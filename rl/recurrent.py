@@ -57,6 +57,17 @@ class SequenceNetwork(torch.nn.Module):
         return noise
 
 
+def cell_of(layers: torch.nn.LSTM | torch.nn.GRU, number: int = 0) -> torch.nn.LSTMCell | torch.nn.GRUCell:
+    """Return one of some recurrent layers as a cell, which takes a sample at a time."""
+    kind = torch.nn.LSTMCell if isinstance(layers, torch.nn.LSTM) else torch.nn.GRUCell
+    cell = kind(layers.hidden_size if number else layers.input_size, layers.hidden_size)
+    ending, weights = f"_l{number}", layers.state_dict()
+    cell.load_state_dict(
+        {name.removesuffix(ending): of for name, of in weights.items() if name.endswith(ending)}
+    )
+    return cell
+
+
 class RecurrentStep(torch.nn.Module):
     """One sample of a trained network, as it is deployed; `hidden` is the memory of its cell."""
 
@@ -66,12 +77,9 @@ class RecurrentStep(torch.nn.Module):
     def __init__(self, network: SequenceNetwork):
         super().__init__()
         self.network = network
-        kind = torch.nn.LSTMCell if isinstance(network.layer, torch.nn.LSTM) else torch.nn.GRUCell
+        self.cell = cell_of(network.layer)
         hidden = network.layer.hidden_size
-        self.cell = kind(2, hidden)
-        weights = network.layer.state_dict()
-        self.cell.load_state_dict({name.removesuffix("_l0"): of for name, of in weights.items()})
-        self.size = 2 * hidden if kind is torch.nn.LSTMCell else hidden
+        self.size = 2 * hidden if isinstance(self.cell, torch.nn.LSTMCell) else hidden
 
     def noise(self, seen: Sequence[Tensor], hidden: Tensor) -> tuple[Tensor, Tensor]:
         """Return the (B,) noise, and the memory after it."""

@@ -150,26 +150,16 @@ def _environment(
     own: AgentFile | None,
 ) -> VecEnv:
     """Return the environments of a training: one batch, or each in the wrappers of the user."""
-    if own is None or own.wrap is None:
-        task = TrainingTask(
-            pull_mm, bend_deg, training.noise, training.noise_level, training.initial_error_deg
-        )
-        return BatchEnvironment(
-            task, active_model, training.environments, training.seed, training.reward_scale, training.agent
-        )
-    records = list(zip(pull_mm, bend_deg, strict=True))
+    task = TrainingTask(pull_mm, bend_deg, training.noise, training.noise_level, training.initial_error_deg)
     make = partial(
-        EstimationEnvironment,
-        records,
-        active_model.model,
-        agent=training.agent,
-        sample_time=active_model.sample_time,
-        noise=training.noise,
-        noise_level=training.noise_level,
-        initial_error_deg=training.initial_error_deg,
-        reward_scale=training.reward_scale,
+        BatchEnvironment, task, active_model, reward_scale=training.reward_scale, agent=training.agent
     )
-    environment = wrapped_environments([make] * training.environments, own.wrap)
+    environment: VecEnv
+    if own is None or own.wrap is None:
+        environment = make(count=training.environments)
+    else:
+        singles = [EstimationEnvironment(batch=make(count=1)) for _ in range(training.environments)]
+        environment = wrapped_environments(singles, own.wrap)
     environment.seed(training.seed)
     return environment
 

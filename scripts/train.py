@@ -117,9 +117,9 @@ class Train(Options):
 
 def train(args: Train) -> Summary:
     """Fill a run folder."""
-    given = {name: getattr(args, name) for name in STRICT}
-    if args.protocol == "strict" and given != STRICT:
-        raise ValueError(f"--protocol strict trains under {STRICT}: use --protocol free for {given}")
+    noise = {name: getattr(args, name) for name in STRICT}
+    if args.protocol == "strict" and noise != STRICT:
+        raise ValueError(f"--protocol strict trains under {STRICT}: use --protocol free for {noise}")
     agent = _agent(args)
     if agent not in POLICIES and (flag := _first_given(args, _OF_POLICIES)):
         raise ValueError(f"{flag} is for the agents {' and '.join(POLICIES)}, not for {agent}")
