@@ -45,7 +45,7 @@ docs: install
 
 # Half an hour: the real demo and its figures, documented commands, tutorials, browser, wheel, site.
 validate: install
-	$(BIN)/python -m pytest -m slow --durations=0
+	$(BIN)/python -m pytest -m 'slow and not endurance' --durations=0
 
 benchmark: install
 	$(BIN)/endotwin benchmark --out $(BENCHMARK)

@@ -36,7 +36,7 @@ from twin.files.program import program_error, run_program
 
 Tensor = torch.Tensor
 Wrap = Callable[[gymnasium.Env[Any, Any]], gymnasium.Env[Any, Any]]
-EPOCHS = 6  # passes of PPO over the samples of an update
+EPOCHS = 5  # passes of PPO over the samples of an update
 FIRST_LOG_STD = -1.0  # of PPO's first exploration, in actions from -1 to 1
 REPLAYED = 200_000  # latest samples that SAC and TD3 learn from
 
@@ -64,12 +64,16 @@ def _off_policy(kind: type[SAC] | type[TD3]) -> Callable[[VecEnv, TrainingOption
 
 
 def new_ppo(environment: VecEnv, training: TrainingOptions, epochs: int = EPOCHS) -> PPO:
-    """Return an untrained policy with the parameters of a training."""
-    widths = list(training.network)
+    """Return an untrained policy with the parameters of a training.
+
+    In the second half of a training its learning rate falls to zero: the weights of a constant one are as
+    noisy as the samples of their last updates, and direct RL becomes worse for it.
+    """
+    widths, rate = list(training.network), training.learning_rate
     ppo = PPO(
         "MlpPolicy",
         environment,
-        learning_rate=training.learning_rate,
+        learning_rate=lambda left: rate * min(1.0, 2 * left),
         n_steps=training.horizon // training.environments,
         n_epochs=epochs,
         batch_size=training.minibatch,

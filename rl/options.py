@@ -18,14 +18,15 @@ class TrainingOptions:
     algorithm: str = "ppo"  # one of `ALGORITHMS`
     network: tuple[int, ...] = (64, 64)  # units of each layer of a policy
     agent_file: str = ""  # program of the user that makes the agent, in place of algorithm and network
+    held_out: str = ""  # folder of recordings that the learning curve is drawn on too
     # episodes of PPO in all; a network takes as large a share of its own steps as this is of the default
     episodes: int = EPISODES
-    learning_rate: float = 2.5e-4  # of Adam
+    learning_rate: float = 2.5e-4  # of Adam; of PPO, in the first half of a training
     horizon: int = 1024  # samples between two updates, over all environments
     discount: float = 0.99  # discount factor gamma
     minibatch: int = 128  # samples in one gradient step
     clip: float = 0.2  # clip factor of PPO
-    environments: int = 32  # episodes that run side by side
+    environments: int = 16  # episodes that run side by side
     # factor on eq. 11 in PPO. It moves no optimum; it keeps the loss of the value function, which shares a
     # clipped gradient with the policy, of the order of one
     reward_scale: float = 0.05

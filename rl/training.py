@@ -14,10 +14,8 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv
-from torch.optim.swa_utils import AveragedModel
 
 from rl.algorithms import MAKERS, AgentFile, modules_of, policy_of, quiet, wrapped_environments
 from rl.environment import BatchEnvironment, EstimationEnvironment
@@ -40,14 +38,15 @@ from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.learned.methods import ACTIONS, DIRECT, OWN, POLICY_FILE, RAM
 from twin.estimation.learned.step import START
 from twin.estimation.load import load_estimator
+from twin.evaluation.reading import true_records
 from twin.files.run_folder import CHECKPOINT_FILE, counted_cost, open_run, write_configuration
 from twin.files.state_file import state_key
 from twin.hysteresis import HysteresisModel
 
 Array = NDArray[np.float64]
 CHECKPOINTS = 10  # over a whole training
+HELD_OUT_SAMPLES = 600  # of each environment, at each of them
 ERROR_SCALES = 6  # of the records' departure from the model that are met
-AVERAGED = 0.97  # share of the average of a policy's weights that an update of PPO leaves
 GROWS = "training.episodes"
 """Number that a finished run may be given more of: it goes on from where it ended."""
 
@@ -77,6 +76,7 @@ def train_policy(
     own = AgentFile(Path(training.agent_file)) if training.agent_file else None
     configuration = run_configuration(records, active_model, training)
     del configuration["training"]["agent_file"]  # it may be moved: its contents are what counts
+    del configuration["training"]["held_out"]  # no result depends on it
     if own:
         configuration["agent_file"] = {"name": own.path.name, "sha256": own.sha256}
     policy_path, checkpoint = folder / POLICY_FILE, folder / CHECKPOINT_FILE
@@ -95,13 +95,16 @@ def train_policy(
                 key = state_key(__version__, torch.__version__, _without(configuration, GROWS), pull, bend)
                 quiet(agent)
                 run = _Run(checkpoint, key, agent, training, total, on_progress)
+                if training.held_out:
+                    held = stack_records(true_records([Path(training.held_out)], active_model.sample_time))
+                    run.held_out = _environment(*held, active_model, training, own)
                 run.restore()
                 _check_goes_on(agent, run, shorter)
                 with counted_cost(folder):
                     _learn(agent, run)
                 run.save()  # what goes on from here is a longer training
                 run.write()
-                policy = run.policy
+                policy = policy_of(agent)
             word = OWN.agent if own or training.algorithm != "ppo" else training.agent
             description = with_deployment(configuration, records, active_model, training.seed)
             deployed = torch.nn.Sequential(*modules, policy) if modules else policy
@@ -223,7 +226,7 @@ def check_finite(agent: BaseAlgorithm) -> None:
 
 
 class _Run(BaseCallback):
-    """Learning curve of the finished episodes, average of the policy and, every so often, a checkpoint.
+    """Learning curve of the finished episodes and, every so often, a checkpoint.
 
     Attributes:
         curve: rows of `progress.csv` by column: samples, mean reward per sample [deg^2] of as many finished
@@ -243,30 +246,22 @@ class _Run(BaseCallback):
         super().__init__()
         self.checkpoint, self.folder, self.key = checkpoint, checkpoint.parent, key
         self.agent = agent
-        # Others than on-policy algorithms update with every sample: their latest policy is the one.
-        on_policy = isinstance(agent, OnPolicyAlgorithm)
-        self.average = AveragedModel(policy_of(agent), avg_fn=_average) if on_policy else None
         self.training = training
         self.on_progress = on_progress
         self.total = total
         updates = math.ceil(self.total / training.horizon)
         self.between = math.ceil(updates / CHECKPOINTS) * training.horizon  # samples from one to the next
         self.saved = 0  # samples at the latest checkpoint
+        self.held_out: VecEnv | None = None  # environments of other records
+        self.held_out_reward: dict[str, float] = {}  # since the last row
         self.curve: list[dict[str, float]] = []
         self.update: dict[str, float] = {}
         self.episodes: list[dict[str, float]] = []  # finished since the last row
         self.actions: list[NDArray[np.float32]] = []
 
-    @property
-    def policy(self) -> torch.nn.Module:
-        """The policy that is deployed."""
-        return policy_of(self.agent) if self.average is None else self.average.module
-
     def save(self) -> None:
         check_finite(self.agent)
         state = {"samples": self.agent.num_timesteps, "curve": self.curve, **self.agent.get_parameters()}
-        if self.average:
-            state["average"] = self.average.state_dict()
         save_checkpoint(self.checkpoint, self.key, state)
         self.saved = self.agent.num_timesteps
 
@@ -276,8 +271,6 @@ class _Run(BaseCallback):
             try:
                 self.agent.num_timesteps, self.curve = int(state.pop("samples")), list(state.pop("curve"))
                 self.saved = self.agent.num_timesteps
-                if self.average:
-                    self.average.load_state_dict(state.pop("average"))
                 self.agent.set_parameters(state)
             except Exception as error:  # what does not fit, in classes of torch and stable-baselines3
                 raise unusable(self.checkpoint) from error
@@ -299,18 +292,30 @@ class _Run(BaseCallback):
         self._take_update()
         if self.num_timesteps >= self.saved + self.between:
             self.save()
+            self._meet_held_out()
 
     def _on_training_end(self) -> None:
         self._take_update()
+        self._meet_held_out()
         if self.episodes:
             self._add_row()
+
+    def _meet_held_out(self) -> None:
+        """Keep, for the next row, the mean reward per sample [deg^2] of the mean actions on other records."""
+        if self.held_out is None:
+            return
+        self.held_out.seed(self.training.seed)  # the same noise each time
+        seen, state, began, rewards = self.held_out.reset(), None, np.ones(self.held_out.num_envs, bool), []
+        for _ in range(HELD_OUT_SAMPLES):
+            action, state = self.agent.predict(seen, state, began, deterministic=True)
+            seen, reward, began, _ = self.held_out.step(action)
+            rewards.append(reward.mean())
+        self.held_out_reward["eval/mean_reward"] = float(np.mean(rewards)) / self.training.reward_scale
 
     def _take_update(self) -> None:
         logged = self.logger.name_to_value
         if any(name.startswith("train/") for name in logged):
             self.update = {name: float(of) for name, of in logged.items() if name.startswith("train/")}
-            if self.average:
-                self.average.update_parameters(policy_of(self.agent))
 
     def _on_step(self) -> bool:
         self.actions.append(np.clip(self.locals["actions"], -1, 1))
@@ -329,21 +334,12 @@ class _Run(BaseCallback):
             "rollout/ep_rew_mean": float(np.mean(rewards)),
             "rollout/ep_len_mean": float(np.mean(lengths)),
         }
-        row |= self.update
+        row |= self.update | self.held_out_reward
         for name, of in zip(ACTIONS[self.training.agent], acted.T, strict=True):
             row |= {f"action/{name}": float(of.mean()), f"action/{name}, deviation": float(of.std())}
         self.curve.append(row)
-        self.episodes, self.actions = [], []
+        self.episodes, self.actions, self.held_out_reward = [], [], {}
         self.write()
-
-
-def _average(average: torch.Tensor, current: torch.Tensor, count: torch.Tensor | int) -> torch.Tensor:
-    """Return the average of weights after one more update, exponential once there were many.
-
-    The latest weights are as noisy as the samples of their last updates (Polyak and Juditsky 1992).
-    """
-    share = min(AVERAGED, float(1 + count) / float(10 + count))
-    return share * average + (1 - share) * current
 
 
 for _method in (RAM, DIRECT):

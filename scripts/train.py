@@ -24,7 +24,7 @@ _OPTIONS = [field.name for field in dataclasses.fields(TrainingOptions)]
 _OF_TWINS = ("preset", "noises", "stroke", "gain", "sample_times")
 _OF_RECORDS = {"sample_time", *_OPTIONS} - {"agent", "episodes", "seed"}
 POLICIES = ("ram", "direct")  # agents that learn by reinforcement on records
-_OF_POLICIES = ("agent_file", "algorithm", "network", "error_scale")
+_OF_POLICIES = ("agent_file", "algorithm", "network", "error_scale", "held_out")
 
 
 def agents_in_words(default: str = "") -> str:
@@ -74,6 +74,8 @@ class Train(Options):
     """How the policy of ram or direct learns."""
     network: tuple[int, ...] = TrainingOptions.network
     """Units of each layer of its network."""
+    held_out: Path | None = None
+    """Recordings that are not trained on: the learning curve has the mean reward on them too."""
     episodes: int = TrainingOptions.episodes
     """Episodes of PPO in all; a network takes as large a share of its own steps as this is of the default."""
     learning_rate: float = TrainingOptions.learning_rate
@@ -124,7 +126,8 @@ def train(args: Train) -> Summary:
     if agent not in POLICIES and (flag := _first_given(args, _OF_POLICIES)):
         raise ValueError(f"{flag} is for the agents {' and '.join(POLICIES)}, not for {agent}")
     given = {name: getattr(args, name) for name in _OPTIONS}
-    options = TrainingOptions(**given | {"agent": agent, "agent_file": str(args.agent_file or "")})
+    paths = {name: str(getattr(args, name) or "") for name in ("agent_file", "held_out")}
+    options = TrainingOptions(**given | {"agent": agent} | paths)
 
     if args.seeds is None and (args.workers or args.dask is not None or args.search):
         raise ValueError("--workers, --dask and --search are for several trainings: give --seeds")

@@ -11,7 +11,7 @@ from faulty_stream import run_faulty
 from rl.algorithms import ModuleObservation, RecurrentPolicy, modules_of
 from rl.environment import EstimationEnvironment
 from rl.options import TrainingOptions
-from rl.training import ERROR_SCALES, _average, train_policy, with_smaller_errors
+from rl.training import ERROR_SCALES, train_policy, with_smaller_errors
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.trained_file import read_trained_file
@@ -142,10 +142,3 @@ def test_records_are_met_with_smaller_errors_of_the_model_too(records, model):
     first = model.response(pull[0], bend[0, 0])
     np.testing.assert_allclose(bends[0] - first, 0.25 * (bend[0] - first), atol=1e-9)
     assert with_smaller_errors(model, pull, bend, 1.0)[1] is bend
-
-
-def test_an_average_forgets_its_beginning_and_settles():
-    value = torch.tensor(100.0)
-    for count in range(2000):
-        value = _average(value, torch.tensor(3.0 + (-1) ** count), count)
-    assert value == pytest.approx(3, abs=0.02)

@@ -8,6 +8,8 @@ import pytest
 import torch
 
 from rl import training
+from rl.algorithms import new_ppo
+from rl.environment import make_batch
 from rl.options import TrainingOptions
 from rl.training import train_policy
 from twin.estimation.active_model import ActiveModel
@@ -62,6 +64,24 @@ def test_same_seed_gives_the_same_bytes_and_leaves_nothing_elsewhere(
             continue
         assert (tmp_path / "run" / path.name).read_bytes() == path.read_bytes(), path.name
     assert not [path for path in Path(tempfile.gettempdir()).iterdir() if path.name.startswith("SB3")]
+
+
+def test_held_out_records_are_met_and_change_nothing(
+    records, active_model, run_folder, tmp_path, monkeypatch
+):
+    other = [(pull, bend + 1) for pull, bend in records]
+    monkeypatch.setattr(training, "true_records", lambda paths, sample_time: other)
+    train_policy(records, active_model, dataclasses.replace(SHORT, held_out="dev"), tmp_path)
+    assert (tmp_path / "policy.onnx").read_bytes() == (run_folder / "policy.onnx").read_bytes()
+    with (tmp_path / "progress.csv").open() as file:
+        met = [float(row["eval/mean_reward"]) for row in csv.DictReader(file) if row["eval/mean_reward"]]
+    assert len(met) > 3
+    assert met[0] < met[-1] < 0
+
+
+def test_the_learning_rate_is_constant_in_the_first_half_and_falls_to_zero(records, active_model):
+    ppo = new_ppo(make_batch(16, records, active_model.model), SHORT)
+    assert [ppo.lr_schedule(left) for left in (1, 0.5, 0.25, 0)] == [2.5e-4, 2.5e-4, 1.25e-4, 0]
 
 
 def test_finished_run_is_left_as_it_is(records, active_model, run_folder):

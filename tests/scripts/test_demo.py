@@ -17,7 +17,7 @@ from twin.preset.file import load_preset
 from twin.preset.randomization import load_ranges
 
 PAPER_NOISES = [("gaussian", 1.0), ("gaussian", 5.0), ("poisson", 0.1), ("poisson", 1.0), ("poisson", 2.0)]
-DOUBTS = "accuracy|cover|NEES|NIS|worth|error under faults|latency"  # after a tenth of a training
+DOUBTS = "accuracy|cover|NEES|NIS|worth|hostile|error under faults|latency"  # after a tenth of a training
 LONGEST = 7200  # [s] of the real demo: a run that hangs ends, a slow machine is no fault
 
 

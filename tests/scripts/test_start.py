@@ -12,8 +12,8 @@ from twin.measured.log import LogFormat
 
 HEAVY = {"dm_control", "gymnasium", "matplotlib", "mcap", "mujoco", "numpy", "onnxruntime", "pydantic"}
 HEAVY |= {"pymoo", "scipy", "stable_baselines3", "torch", "tqdm", "yaml"}
-LISTS_METHODS = "train"
-"""Its help names every learned method of the method table, whose estimators need NumPy."""
+OF_LEARNING = {"train", "evaluate"}
+"""Their options are in `rl`, whose import registers the environments with Gymnasium, which needs NumPy."""
 SAID = (
     "import sys; sys.argv[1:] = {words!r}\n{code}\nprint(*{{name.partition('.')[0] for name in sys.modules}})"
 )
@@ -33,7 +33,7 @@ def test_help_of_a_verb_imports_nothing_heavy(verb):
     printed, modules = imported(MAIN, verb, "--help")
     assert printed.startswith(f"usage: endotwin {verb} ")
     assert "--json" in printed
-    assert modules & HEAVY == ({"numpy"} if verb == LISTS_METHODS else set())
+    assert modules & HEAVY == ({"numpy", "gymnasium"} if verb in OF_LEARNING else set())
 
 
 def test_the_list_of_verbs_needs_no_parser():
