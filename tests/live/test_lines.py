@@ -32,9 +32,6 @@ VALIDATORS = {
     for kind in ("SampleLine", "ReadingLine", "ErrorLine")
 }
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
-PIECES = st.sampled_from(
-    [b"\n", b"\r\n", b" ", b"a", b"{}", b"\xff", b"\0", b"x" * 1000, b"y" * LONGEST_LINE, b" " * LONGEST_LINE]
-)
 FAULTY = b'\nnonsense\n{"time_s":NaN}\n   \n{"time_s":true}\n' + b"x" * 70_000 + b"\n[]\n"
 
 

@@ -21,7 +21,6 @@ from twin.reduced.two_planes import (
 
 FORCES = st.floats(-5.0, 5.0)
 FRICTIONS = st.floats(0.05, 3.0)
-SLIPS = st.floats(-1e-3, 1e-3)
 
 
 def neighbours(force, friction, slipped, stiffness=(3e4, 5e4)) -> np.ndarray:
