@@ -82,15 +82,15 @@ filters = {name: twin.load_estimator(f"runs/{name}/policy.onnx") for name in ("m
 for score in twin.evaluate("data/test", filters, suite="paper-only", seeds=2):
     print(f"{score.noise} {score.level:g}: {score.method} {score.rmse_deg:.2f} deg RMSE")
 # > gaussian 1: mine 0.99 deg RMSE
-# > gaussian 1: ram 0.86 deg RMSE
+# > gaussian 1: ram 0.99 deg RMSE
 # > gaussian 5: mine 1.64 deg RMSE
-# > gaussian 5: ram 1.58 deg RMSE
+# > gaussian 5: ram 1.64 deg RMSE
 # > poisson 0.1: mine 0.79 deg RMSE
-# > poisson 0.1: ram 0.60 deg RMSE
+# > poisson 0.1: ram 0.78 deg RMSE
 # > poisson 1: mine 1.41 deg RMSE
-# > poisson 1: ram 1.30 deg RMSE
+# > poisson 1: ram 1.44 deg RMSE
 # > poisson 2: mine 2.32 deg RMSE
-# > poisson 2: ram 2.24 deg RMSE
+# > poisson 2: ram 2.36 deg RMSE
 
 # %% [markdown]
 # `endotwin evaluate --policy runs/mine/policy.onnx ... --methods RAM "Own agent"` puts it into the tables and figures. [my_agent.py](../examples/my_agent.py) also bounds the observation.
