@@ -167,12 +167,7 @@ def slope_of_taut_wires(preset) -> float:
 
 
 @settings(max_examples=10)
-@given(
-    st.floats(3500, 6000),
-    st.floats(0.9e-3, 1.3e-3),
-    st.floats(0.015, 0.03),
-    st.floats(-2e-4, 2e-4),
-)
+@given(st.floats(3500, 6000), st.floats(0.9e-3, 1.3e-3), st.floats(0.015, 0.03), st.floats(-2e-4, 2e-4))
 def test_without_friction_and_slack_it_is_that_of_the_equilibrium(k, r, K, zero):
     preset = FRICTIONLESS.replace(wire_stiffness=k, wire_offset=r, section_stiffness=K, command_zero=zero)
     slope = slope_of_taut_wires(preset)

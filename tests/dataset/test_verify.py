@@ -83,11 +83,7 @@ def cut(folder: Path) -> None:
 
 BREAKS: list[tuple[str, Callable[[Path], Any], str]] = [
     ("files", lambda folder: (folder / SECOND).unlink(), f"{SECOND} is missing"),
-    (
-        "files",
-        lambda folder: shutil.copy(folder / SECOND, folder / "a.mcap"),
-        "a.mcap is not in",
-    ),
+    ("files", lambda folder: shutil.copy(folder / SECOND, folder / "a.mcap"), "a.mcap is not in"),
     ("bytes", second(sha256="0" * 64), f"{SECOND} has another SHA-256 than dataset.json states"),
     ("bytes", second(bytes=9), ", dataset.json states 9"),
     ("readable", cut, "is cut off"),

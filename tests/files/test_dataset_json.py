@@ -6,12 +6,7 @@ import sys
 
 import pytest
 
-from twin.files.dataset_json import (
-    parse_contents,
-    read_contents,
-    to_json_values,
-    write_contents,
-)
+from twin.files.dataset_json import parse_contents, read_contents, to_json_values, write_contents
 
 FIGURES = {"count": 2, "max": 1.0, "mean": 0.5, "min": 0.0, "std": 0.5}
 FILE = {
@@ -51,10 +46,7 @@ def refusal(values) -> str:
 def test_contents_come_back_from_their_file(tmp_path):
     write_contents(tmp_path, contents())
     assert to_json_values(read_contents(tmp_path)) == contents()
-    with pytest.raises(
-        ValueError,
-        match=r"unknown key colour.*; remove it, .* measured logs, import again",
-    ):
+    with pytest.raises(ValueError, match=r"unknown key colour.*; remove it, .* measured logs, import again"):
         write_contents(tmp_path, contents(colour=1))
     assert to_json_values(read_contents(tmp_path)) == contents()
 
@@ -81,10 +73,7 @@ def test_contents_come_back_from_their_file(tmp_path):
         ({"files": [FILE, FILE]}, "files: a.mcap is there twice"),
         ({"files": [FILE | {"name": "../a.mcap"}]}, "files[0].name = '../a.mcap': must match pattern"),
         ({"files": [FILE | {"sha256": "0"}]}, "files[0].sha256 = '0': must match pattern"),
-        (
-            {"features": {"truth_deg": FEATURE | {"shape": 3}}},
-            "features.truth_deg.shape = 3: must be",
-        ),
+        ({"features": {"truth_deg": FEATURE | {"shape": 3}}}, "features.truth_deg.shape = 3: must be"),
     ],
 )
 def test_what_does_not_fit_is_named_with_the_rule(changes, fault):

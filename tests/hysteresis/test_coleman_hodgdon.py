@@ -9,13 +9,7 @@ from hypothesis import strategies as st
 from models import COLEMAN_HODGDON
 from scipy.integrate import solve_ivp
 
-from twin.hysteresis import (
-    BoucWen,
-    ColemanHodgdon,
-    IdentifiedModel,
-    PrandtlIshlinskii,
-    load_model,
-)
+from twin.hysteresis import BoucWen, ColemanHodgdon, IdentifiedModel, PrandtlIshlinskii, load_model
 
 PAPER = COLEMAN_HODGDON
 rates = st.floats(0.2, 4.0)
@@ -98,11 +92,7 @@ def test_monotone_is_whether_the_bend_falls_with_the_first_release(a, b, share):
     assert (released[-1] - released[-2]) / -1e-4 == pytest.approx(2 * share * b - b, abs=0.02 * b)
 
 
-EACH = (
-    PAPER,
-    BoucWen(22.0, -12.0, 1.7, 0.9, 1.5),
-    PrandtlIshlinskii((8.0, 4.0, 0.0), (0.0, 0.25, 0.5)),
-)
+EACH = (PAPER, BoucWen(22.0, -12.0, 1.7, 0.9, 1.5), PrandtlIshlinskii((8.0, 4.0, 0.0), (0.0, 0.25, 0.5)))
 
 
 @pytest.mark.parametrize("model", EACH, ids=lambda model: model.name)

@@ -55,11 +55,7 @@ def test_another_log_does_not_take_the_place_of_one_unless_that_is_removed(tmp_p
         ("dataset.json", '{"preset": {}, "files": []}', "dataset.json .*source is missing"),
         ("dataset.json", '{"source": "simulated", "files": []}', "dataset.json .*endotwin is missing"),
         ("dataset.json", "{", "dataset.json is damaged"),
-        (
-            "dataset.json",
-            '{"source": "measured", "files": [1]}',
-            "dataset.json .* import again into",
-        ),
+        ("dataset.json", '{"source": "measured", "files": [1]}', "dataset.json .* import again into"),
         ("episode_0000.mcap", "", "holds episode_0000.mcap, which no import wrote"),
         ("log.mcap", "", "holds log.mcap, which no import wrote"),
     ],

@@ -119,13 +119,7 @@ def test_endoscope_that_diverges_has_no_record_and_leaves_the_others_alone(twin,
     assert_same(last, twin.simulate(curved, PULLS[2], SAMPLE_TIME))
 
 
-@pytest.mark.parametrize(
-    "other",
-    [
-        {"bending_planes": 2},
-        {"vertebrae": 6},
-    ],
-)
+@pytest.mark.parametrize("other", [{"bending_planes": 2}, {"vertebrae": 6}])
 def test_endoscopes_of_different_layout_are_refused_by_name(twin, other):
     presets = [PLAIN, SOFT, PLAIN.replace(**other)]
     with pytest.raises(ValueError, match=f"batch must agree in {next(iter(other))}") as refused:

@@ -30,11 +30,7 @@ def neighbours(force, friction, slipped, stiffness=(3e4, 5e4)) -> np.ndarray:
     return pair
 
 
-@given(
-    friction=st.tuples(FRICTIONS, FRICTIONS),
-    angle=st.floats(-np.pi, np.pi),
-    travel=st.floats(1e-6, 1e-3),
-)
+@given(friction=st.tuples(FRICTIONS, FRICTIONS), angle=st.floats(-np.pi, np.pi), travel=st.floats(1e-6, 1e-3))
 def test_nothing_is_missing_where_friction_opposes_the_slip_as_one(friction, angle, travel):
     """Least elastic energy and dissipation |F dx|: t = F (F dx) / |F dx|, for a slip in any direction."""
     slipped = travel * np.array([np.cos(angle), np.sin(angle)])

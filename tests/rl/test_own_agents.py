@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from faulty_stream import run_faulty
+from gated import material_of
 
 from rl.algorithms import ModuleObservation, RecurrentPolicy, modules_of
 from rl.environment import EstimationEnvironment
@@ -16,6 +17,7 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.load import load_estimator
+from twin.gate import run_gate
 
 SHORT = {"episodes": 4, "environments": 2, "horizon": 64, "minibatch": 32, "network": (8,), "seed": 1}
 RECURRENT = """
@@ -71,9 +73,10 @@ def test_an_agent_file_becomes_an_estimator_that_restarts_from_its_run(records, 
     before = path.stat().st_mtime_ns
     assert trained(records, model, tmp_path, program) == path
     assert path.stat().st_mtime_ns == before
-    estimator = load_estimator(path)
     pull, bend = records[0]
-    assert np.isfinite(estimator.estimate(pull, bend, bend[0] + 5)).all()
+    assert np.isfinite(load_estimator(path).estimate(pull, bend, bend[0] + 5)).all()
+    held = {check.name for check in run_gate(material_of(path)).checks if check.holds}
+    assert held >= {"graph as it was trained", "bounds under hostile inputs", "a number under faults"}
     with pytest.raises(ValueError, match=r"another configuration \(agent_file.sha256\)"):
         trained(records, model, tmp_path, program + "    # changed\n")
 
@@ -120,10 +123,7 @@ def test_a_wrapper_that_cannot_be_deployed_is_refused():
         ("x = 1", "defines no make_agent"),
         ("def make_agent(environment, seed):\n    return 3", "make_agent returned int: must be"),
         (CONSTANT.replace("0 * observation", "observation.new_zeros(len(observation), 1)"), "operator Shape"),
-        (
-            "def make_agent(environment, seed):\n    return 1 / 0",
-            "line 2: ZeroDivisionError: division by zero",
-        ),
+        ("def make_agent(environment, seed):\n    return 1 / 0", "line 2: ZeroDivisionError: division"),
         ("raise OSError('no disk')", r"agent file .*my_agent.py, line 1: OSError: no disk"),
     ],
 )

@@ -38,6 +38,7 @@ def alone(material, tmp_path_factory):
     return paths
 
 
+@pytest.mark.slow
 def test_side_by_side_they_are_those_that_run_alone(material, alone, tmp_path):
     reported = []
     with local_workers(2) as executor, shared_table() as shares:

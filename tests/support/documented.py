@@ -60,10 +60,7 @@ SMALLER: tuple[tuple[str, str], ...] = (
     (r"(endotwin control (?!.*--controller).*?)(?= --out)", r"\1 --controller linear members-inverse"),
     (r"--speed 4 --size 640 360 --fps 12", "--speed 8 --size 320 180 --fps 5"),
     (r"(endotwin render \S+ --out \S+\.mp4)", r"\1 --size 320 180 --speed 8 --fps 5"),
-    (
-        r"TrackingTraining\(seed=1\)",
-        "TrackingTraining(64, horizon=32, environments=2, minibatch=32, seed=1)",
-    ),
+    (r"TrackingTraining\(seed=1\)", "TrackingTraining(64, horizon=32, environments=2, minibatch=32, seed=1)"),
 )
 """Changes that make a long command a short one of the same kind; every other word stays as it is printed."""
 
