@@ -305,7 +305,8 @@ class _Run(BaseCallback):
         if self.held_out is None:
             return
         self.held_out.seed(self.training.seed)  # the same noise each time
-        seen, state, began, rewards = self.held_out.reset(), None, np.ones(self.held_out.num_envs, bool), []
+        seen: Any = self.held_out.reset()
+        state, began, rewards = None, np.ones(self.held_out.num_envs, bool), []
         for _ in range(HELD_OUT_SAMPLES):
             action, state = self.agent.predict(seen, state, began, deterministic=True)
             seen, reward, began, _ = self.held_out.step(action)
