@@ -7,10 +7,12 @@ gate takes two twins.
 
 import contextlib
 import dataclasses
+import glob
 import importlib
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -25,12 +27,13 @@ import pytest
 import tyro
 from documented import ALONE, NOT_RUN, TOGETHER, Snippet, documents, inline_commands, snippets, words_of
 from repository import ENVIRONMENT, REPOSITORY
-from typed import done, typed
+from typed import done, typed_words
 
 from scripts.__main__ import VERBS
 from scripts.command import MODULES
 from scripts.samples import copy_samples
 from twin.dataset.recipe_file import load_recipe
+from twin.estimation import registry
 from twin.live.lines import ReadingLine, SampleLine, read_sample
 
 sys.path.insert(0, str(REPOSITORY / "docs/site"))
@@ -118,7 +121,9 @@ def fault_of(snippet: Snippet, folder: Path) -> str:
     good = next((codes for part, codes in MAY_REFUSE.items() if part in text), (0,))
     if snippet.language == "sh" and text.startswith("endotwin ") and not {"<", ">"} & set(text.split()):
         with mock.patch.dict(os.environ, ENVIRONMENT | SEARCH):  # here: a start costs more than most commands
-            code, _, said = typed(text.removeprefix("endotwin "), folder)
+            words = shlex.split(text)[1:]
+            words = [path for word in words for path in sorted(glob.glob(word, root_dir=folder)) or [word]]
+            code, _, said = typed_words(words, folder)
     else:
         command = [sys.executable, "-c", text] if snippet.language == "python" else ["bash", "-c", text]
         options = {
@@ -156,6 +161,8 @@ def shortened(monkeypatch):
     briefly.tune_filters(monkeypatch)
     briefly.choose_members(monkeypatch)
     briefly.work_in_place(monkeypatch)
+    registry.method_specs()  # filled, before a copy takes the methods of examples
+    monkeypatch.setattr(registry, "_SPECS", dict(registry._SPECS))
     monkeypatch.setattr("twin.gate.QUICK", gated.SMALL)
 
 

@@ -34,7 +34,6 @@ SMALLER: tuple[tuple[str, str], ...] = (
     (r"--seconds (60|40|30)\b", "--seconds 8"),
     (r"--seeds \d+", "--seeds 1"),
     (r"--trainings \d+", "--trainings 1"),
-    (r"seed_[^/ ]+/", ""),  # one training has no folder of its own
     (r"(endotwin generate mixed.yaml)", r"\1 --seconds 1"),
     (r"(endotwin generate --physics reduced) --episodes 64", r"\1 --episodes 2 --seconds 2"),
     (r"(endotwin train .*--protocol twins.*?)(?= --out)", r"\1 --episodes 1"),
