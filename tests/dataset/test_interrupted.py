@@ -130,6 +130,7 @@ def test_kills_leave_whole_files_and_the_same_dataset_in_the_end(kills, undistur
     assert min(hit["parent"], hit["child"]) > 0
 
 
+@pytest.mark.slow
 def test_several_generates_at_once_make_one_dataset(tmp_path):
     runs = [Run(tmp_path / "data", workers=1) for _ in range(3)]
     ends = [run.finish() for run in runs]

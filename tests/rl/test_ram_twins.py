@@ -169,6 +169,7 @@ class Stopped(Exception):
     """The user's Ctrl-C."""
 
 
+@pytest.mark.slow
 def test_a_training_that_was_stopped_goes_on_to_the_same_numbers(tmp_path):
     """Stopped after its first checkpoint; the whole one is never stopped."""
     settings = shorter(updates=12, episode=40, window=20)

@@ -37,6 +37,7 @@ def test_evaluation_has_a_row_of_every_method_and_noise(workspace):
     assert evaluation["protocol"]["sample_time_s"] == 0.1
 
 
+@pytest.mark.slow
 def test_same_seed_same_table_in_another_process(workspace, tmp_path):
     line = f"{EVALUATE} --policy runs/ram/policy.onnx --suite paper-only --methods C-H AM RAM"
     done(f"{line} --out {tmp_path}/one", workspace)
