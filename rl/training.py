@@ -74,6 +74,10 @@ def train_policy(
     pull, bend = stack_records(records)
     check_memory(training, pull.shape[1])
     own = AgentFile(Path(training.agent_file)) if training.agent_file else None
+    held_out = None
+    if training.held_out:
+        others = stack_records(true_records([Path(training.held_out)], active_model.sample_time))
+        held_out = _environment(*others, active_model, training, own)
     configuration = run_configuration(records, active_model, training)
     del configuration["training"]["agent_file"]  # it may be moved: its contents are what counts
     del configuration["training"]["held_out"]  # no result depends on it
@@ -84,9 +88,7 @@ def train_policy(
         if shorter or not policy_path.is_file():
             met = with_smaller_errors(active_model.model, pull, bend, training.error_scale)
             environment = _environment(*met, active_model, training, own)
-            agent = (
-                own.make(environment, training) if own else MAKERS[training.algorithm](environment, training)
-            )
+            agent = (own.make if own else MAKERS[training.algorithm])(environment, training)
             modules = modules_of(environment.envs[0]) if own and own.wrap else []  # type: ignore[attr-defined]
             policy, total = policy_of(agent), training.episodes * (pull.shape[1] - 1)
             if modules and hasattr(policy, "memory"):
@@ -94,10 +96,7 @@ def train_policy(
             if isinstance(agent, BaseAlgorithm):
                 key = state_key(__version__, torch.__version__, _without(configuration, GROWS), pull, bend)
                 quiet(agent)
-                run = _Run(checkpoint, key, agent, training, total, on_progress)
-                if training.held_out:
-                    held = stack_records(true_records([Path(training.held_out)], active_model.sample_time))
-                    run.held_out = _environment(*held, active_model, training, own)
+                run = _Run(checkpoint, key, agent, training, total, on_progress, held_out)
                 run.restore()
                 _check_goes_on(agent, run, shorter)
                 with counted_cost(folder):
@@ -242,6 +241,7 @@ class _Run(BaseCallback):
         training: TrainingOptions,
         total: int,
         on_progress: OnProgress | None,
+        held_out: VecEnv | None,
     ):
         super().__init__()
         self.checkpoint, self.folder, self.key = checkpoint, checkpoint.parent, key
@@ -252,7 +252,7 @@ class _Run(BaseCallback):
         updates = math.ceil(self.total / training.horizon)
         self.between = math.ceil(updates / CHECKPOINTS) * training.horizon  # samples from one to the next
         self.saved = 0  # samples at the latest checkpoint
-        self.held_out: VecEnv | None = None  # environments of other records
+        self.held_out = held_out  # environments of other records
         self.held_out_reward: dict[str, float] = {}  # since the last row
         self.curve: list[dict[str, float]] = []
         self.update: dict[str, float] = {}
