@@ -18,7 +18,7 @@ def few_and_many(few: int, many: int) -> list:
     return [few, pytest.param(many, marks=pytest.mark.endurance)]
 
 
-@pytest.mark.parametrize("count", few_and_many(4, 3000))
+@pytest.mark.parametrize("count", [*few_and_many(4, 3000), pytest.param(16, marks=pytest.mark.slow)])
 def test_hostile_files_end_in_good_output_or_one_line(workspace, tmp_path, count):
     commands = QUICK if count < 100 else list(COMMANDS)
     hostile_cases.run_all(hostile_cases.drawn(count, workspace, commands), workspace, tmp_path)
