@@ -4,7 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 # A new pip takes half the time of Python 3.11's; Python compiles what is imported, not all of torch. The
-# constraints name every package: they are only resolved where some of them are not for this machine.
+# constraints name every package: they are installed by two processes, and only resolved where some of them are
+# not for this machine.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 OUT ?= out/demo
 BENCHMARK ?= out/benchmark.json
@@ -23,16 +24,18 @@ $(STAMP): pyproject.toml constraints.txt scripts/system_libraries.sh
 	@$(PYTHON) -m venv $(VENV) \
 	  || { echo "cannot make $(VENV): install the package python3-venv (apt-get install python3-venv)" >&2; exit 2; }
 	$(PIP) --upgrade pip
-	@{ $(PIP) --no-compile --no-deps -r constraints.txt && $(PIP) --no-deps --no-build-isolation -e . \
+	@{ grep -v '^#' constraints.txt | xargs -P 2 -n 24 $(PIP) --no-compile --no-deps \
+	  && $(PIP) --no-deps --no-build-isolation -e . \
 	  && $(BIN)/python -m pip check; } >/dev/null 2>&1 || $(PIP) --no-compile -c constraints.txt -e '.[all,dev]'
 	@touch $@
 
 demo: install
 	$(BIN)/endotwin demo --out $(OUT)
 
-# Types are checked next to the tests: mypy has one process, and pytest starts slowly.
+# Types are checked while kernels are compiled: mypy has one process.
 test: lint
-	@$(BIN)/mypy & types=$$!; $(BIN)/python -m pytest; tests=$$?; wait $$types && exit $$tests
+	@$(BIN)/mypy & types=$$!; $(BIN)/python tests/support/compiled.py && $(BIN)/python -m pytest; tests=$$?; \
+	  wait $$types && exit $$tests
 
 lint: install
 	$(BIN)/ruff check .
