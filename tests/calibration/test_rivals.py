@@ -19,6 +19,7 @@ TRUTH = {
     "bouc-wen": BoucWen(9.0, -8.0, 0.9, 0.8, 1.5),
     "prandtl-ishlinskii": PrandtlIshlinskii((2.0, 5.0, 3.0), (0.0, 0.6, 1.1)),
 }
+NAMES = [*sorted(MODELS.keys() - {"bouc-wen"}), pytest.param("bouc-wen", marks=pytest.mark.slow)]
 
 
 def made(pull, bend, sheath: float | None = None) -> Episode:
@@ -47,16 +48,14 @@ def rmse_deg(error: np.ndarray | None) -> float:
     return float(np.degrees(np.sqrt(np.mean((error - error.mean()) ** 2))))
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_model_finds_itself_whatever_the_zero_of_the_angle(name):
     (error,) = rival_errors(name, [log_of(name, zero=25.0)], seed=0)
     # Thresholds of plays are spread evenly, and not those of the truth.
     assert rmse_deg(error) < (0.4 if name == "prandtl-ishlinskii" else 0.02)
 
 
-@pytest.mark.parametrize(
-    "name", [*sorted(MODELS.keys() - {"bouc-wen"}), pytest.param("bouc-wen", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_delay_of_the_command_is_found_where_times_were_recorded(name):
     late = log_of(name, np.interp(TIME - 0.15, TIME, PULL))
     late = changed(late, pull=PULL * 1e-3)

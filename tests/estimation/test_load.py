@@ -25,7 +25,7 @@ from twin.preset import load_preset, load_ranges
 
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 FEW = {"episodes": 16, "environments": 8, "horizon": 256, "minibatch": 64}
-OFTEN = ("ram", "lstm", "kalman-net", "ram-twins")
+OFTEN = ("ram", "lstm", "ram-twins")
 AGENTS = [
     agent if agent in OFTEN else pytest.param(agent, marks=pytest.mark.slow)
     for agent in sorted(trainings().keys() - {"own"})

@@ -46,6 +46,7 @@ def test_no_member_of_an_ensemble_is_a_twin_of_the_test(drives):
         assert np.max(bend) <= high
 
 
+@pytest.mark.slow
 def test_records_are_written_once_with_what_they_are(tmp_path):
     paths = write_scenarios(tmp_path, PRESET, RANGES, 0.5, seed=0)
     first = paths[0].stat().st_mtime_ns

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import onnx
+import pytest
 from changed_graph import initializer, with_flipped_sign, with_initializer, without_operator
 from gated import logs_on, material_of
 from small_twins import twins
@@ -134,6 +135,7 @@ def test_policy_without_bounds_is_refused(paper_policy, untrained_twins, tmp_pat
     assert identity.proven_bounds(material_of(changed)).holds is False
 
 
+@pytest.mark.slow
 def test_faults_and_latency_are_tried_in_the_runtime(untrained):
     assert stream.no_nan(untrained).holds is True
     errors, flagged = stream.errors(untrained), stream.flagged(untrained)

@@ -60,6 +60,7 @@ def test_drawn_endoscopes_and_a_moving_sheath_agree(name):
     assert_close(mujoco, reduced)
 
 
+@pytest.mark.slow
 def test_at_small_steps_and_slow_commands_hardly_anything_is_left():
     for name, stroke in STROKES.items():
         preset = load_preset(name)

@@ -81,6 +81,7 @@ def test_a_finished_run_continues_where_more_episodes_are_requested(setting, tmp
     assert files(tmp_path) == longer
 
 
+@pytest.mark.slow
 def test_no_run_becomes_shorter_and_none_grows_without_its_checkpoint(setting, tmp_path, monkeypatch):
     train_policy(*setting, PLAN, tmp_path)
     before = files(tmp_path)

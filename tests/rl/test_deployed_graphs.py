@@ -19,8 +19,9 @@ SINGLE = 1e-5
 """Largest difference [deg], or share of an angle beyond 1 deg: single precision holds 1e-7 of one number."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", LENGTHS)
-@pytest.mark.parametrize("method", [pytest.param("ram-twins", marks=pytest.mark.slow), "ram-memory"])
+@pytest.mark.parametrize("method", ["ram-twins", "ram-memory"])
 def test_filter_step(method, samples, tmp_path):
     """A step learns in single precision and is deployed in double: within the rounding of the former.
 

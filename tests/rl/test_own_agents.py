@@ -47,6 +47,7 @@ CONSTANT = """
     def make_agent(environment, seed):
         return Constant()
 """
+PROGRAMS = [pytest.param(RECURRENT, marks=pytest.mark.slow), WRAPPED, CONSTANT]
 
 
 def trained(records, model, folder, program="", **options):
@@ -58,6 +59,7 @@ def trained(records, model, folder, program="", **options):
     return train_policy(records, ActiveModel(model, 0.1), options, folder / "run")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{"algorithm": "sac"}, {"algorithm": "td3"}])
 def test_other_algorithms_train_an_estimator(records, model, tmp_path, options):
     path = trained(records, model, tmp_path, **options)
@@ -67,7 +69,7 @@ def test_other_algorithms_train_an_estimator(records, model, tmp_path, options):
     assert max(off.values()) < 20, off
 
 
-@pytest.mark.parametrize("program", [RECURRENT, WRAPPED, CONSTANT], ids=["recurrent", "wrapped", "module"])
+@pytest.mark.parametrize("program", PROGRAMS, ids=["recurrent", "wrapped", "module"])
 def test_an_agent_file_becomes_an_estimator_that_restarts_from_its_run(records, model, tmp_path, program):
     path = trained(records, model, tmp_path, program)
     before = path.stat().st_mtime_ns

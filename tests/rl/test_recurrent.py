@@ -1,5 +1,7 @@
 """LSTM without a model and GRU with one: what they learn, and how their deployed step filters."""
 
+import functools
+
 import numpy as np
 import pytest
 import torch
@@ -15,16 +17,17 @@ from twin.hysteresis import PrandtlIshlinskii
 
 SHORT = SequenceTraining(iterations=120, sequences=32, window=100, seed=1)
 TRAIN = {"lstm": train_lstm, "gru": train_gru}
-AGENTS = list(TRAIN)
+AGENTS = ["lstm", pytest.param("gru", marks=pytest.mark.slow)]
 
 
 @pytest.fixture(scope="module")
 def trained(records, model, tmp_path_factory):
-    made = {}
-    for agent, train in TRAIN.items():
-        path = train(records, ActiveModel(model, 0.1), SHORT, tmp_path_factory.mktemp(agent))
-        made[agent] = load_estimator(path), path
-    return made
+    @functools.cache
+    def trained(agent):
+        path = TRAIN[agent](records, ActiveModel(model, 0.1), SHORT, tmp_path_factory.mktemp(agent))
+        return load_estimator(path)
+
+    return trained
 
 
 @pytest.fixture(scope="module")
@@ -34,16 +37,18 @@ def stacked(records):
     return pull, bend, bend + np.sqrt(0.1) * np.random.default_rng(4).standard_normal(bend.shape)
 
 
-@pytest.mark.parametrize(("agent", "share"), [("lstm", 0.75), ("gru", 0.6)])
+@pytest.mark.parametrize(
+    ("agent", "share"), [("lstm", 0.75), pytest.param("gru", 0.6, marks=pytest.mark.slow)]
+)
 def test_it_filters_the_noise_that_it_was_trained_on(trained, stacked, agent, share):
     pull, bend, measurement = stacked
-    error = trained[agent][0].estimate(pull, measurement, bend[:, 0] + 20) - bend
+    error = trained(agent).estimate(pull, measurement, bend[:, 0] + 20) - bend
     assert np.sqrt((error[:, 10:] ** 2).mean()) < share * np.sqrt(0.1)
 
 
 @pytest.mark.parametrize("agent", AGENTS)
 def test_it_does_not_look_ahead_and_rows_do_not_touch_each_other(trained, stacked, agent):
-    estimator, _ = trained[agent]
+    estimator = trained(agent)
     pull, _, measurement = stacked
     changed = measurement.copy()
     changed[1, 120:] += 5.0
@@ -84,7 +89,7 @@ def test_the_deployed_step_is_the_network_that_was_trained(agent, stacked):
 
 
 @pytest.mark.parametrize("agent", AGENTS)
-def test_the_exported_graph_is_the_step(trained, stacked, agent, tmp_path):
+def test_the_exported_graph_is_the_step(stacked, agent, tmp_path):
     torch.manual_seed(2)
     kind, step = {"lstm": (torch.nn.LSTM, LstmStep), "gru": (torch.nn.GRU, GruStep)}[agent]
     made = step(SequenceNetwork(kind, 6))
@@ -101,7 +106,7 @@ def test_the_exported_graph_is_the_step(trained, stacked, agent, tmp_path):
 
 
 def test_the_lstm_skips_missing_samples_as_if_they_had_not_been(trained, stacked):
-    estimator, _ = trained["lstm"]
+    estimator = trained("lstm")
     pull, _, measurement = stacked
     gone = np.random.default_rng(7).random(pull.shape[1]) < 0.3
     gone[[0, 50, 51, 52]] = [False, True, True, True]

@@ -48,6 +48,7 @@ def test_the_environment_passes_both_checkers(physics):
     check_stable_baselines(environment)
 
 
+@pytest.mark.slow
 def test_gymnasium_makes_both_by_their_ids_alone():
     made = f"gymnasium.make('rl:{TRACKING_ID}').reset(); gymnasium.make('{ENVIRONMENT_ID}').reset()"
     subprocess.run([sys.executable, "-c", f"import gymnasium; {made}"], check=True)

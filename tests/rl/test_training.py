@@ -66,6 +66,7 @@ def test_same_seed_gives_the_same_bytes_and_leaves_nothing_elsewhere(
     assert not [path for path in Path(tempfile.gettempdir()).iterdir() if path.name.startswith("SB3")]
 
 
+@pytest.mark.slow
 def test_other_records_are_met_and_change_nothing(records, active_model, run_folder, tmp_path, monkeypatch):
     other = [(pull, bend + 1) for pull, bend in records]
     monkeypatch.setattr(training, "true_records", lambda paths, sample_time: other)

@@ -52,6 +52,7 @@ def test_a_record_that_is_not_ours_is_left_as_it_is(tmp_path):
     assert not (tmp_path / "out/control.json").exists()
 
 
+@pytest.mark.slow
 def test_the_same_command_goes_on_and_another_one_is_refused(compared):
     folder, _ = compared
     before = {path.name: path.stat().st_mtime_ns for path in (folder / "out/parts").iterdir()}

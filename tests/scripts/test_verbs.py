@@ -57,6 +57,7 @@ def test_a_method_that_is_not_given_is_trained_and_kept_with_the_results(workspa
     assert not (tmp_path / "results/ram").exists()
 
 
+@pytest.mark.slow
 def test_generate_changes_draws_and_moves_what_is_given(tmp_path):
     line = (
         "generate --episodes 2 --seconds 2 --stroke -1 1 --randomize --sheath-bend-deg 0 "

@@ -83,6 +83,7 @@ def test_a_rolling_shutter_sees_the_tip_late_or_early():
     assert 0.002 < np.nanmean(error) / speed_deg < 0.03
 
 
+@pytest.mark.slow
 def test_a_picture_does_not_depend_on_which_others_are_taken(sensor):
     episode = record(np.linspace(-30, 30, 11))
     every = dict(sensor.pictures(episode, SEED))
