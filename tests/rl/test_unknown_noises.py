@@ -83,8 +83,8 @@ def tuned():
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
-    """Half of a full training."""
-    settings = TwinsTraining().scaled(TrainingOptions(episodes=EPISODES // 2, seed=SEED))
+    """A quarter of a full training."""
+    settings = TwinsTraining().scaled(TrainingOptions(episodes=EPISODES // 4, seed=SEED))
     return load_estimator(train_ram_twins(*twins(), settings, tmp_path_factory.mktemp("ram_twins")))
 
 
