@@ -88,7 +88,6 @@ def assert_nothing_damaged(folder: Path, undisturbed: Path) -> None:
         assert same, f"{path.name} differs from the undisturbed run's"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kills", [2, pytest.param(100, marks=pytest.mark.endurance)])
 def test_kills_leave_whole_files_and_the_same_dataset_in_the_end(kills, undisturbed, tmp_path):
     rng = np.random.default_rng(0)
