@@ -7,6 +7,7 @@ import numpy as np
 import onnx
 import pytest
 import yaml
+from dataset_contents import FIGURES, contents
 from hostile import mutated, refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -27,8 +28,6 @@ from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
 from twin.recording.facts import check_facts
 
-FIGURES = {"count": 2, "max": 1.0, "mean": 0.5, "min": 0.0, "std": 0.5}
-FEATURE = {"topic": "/truth", "field": "truth_deg", "unit": "deg", "shape": [], "meaning": "bend"}
 PRESET = Preset("mine").to_dict() | {"ranges": {"pretension": [1.0, 6.0]}}
 RECIPE = {
     "preset": Preset("mine").to_dict(),
@@ -44,27 +43,6 @@ RECIPE = {
 MODELS = [
     model_to_dict(model) for model in (COLEMAN_HODGDON, BOUC_WEN, PrandtlIshlinskii((8.0, 4.0), (0.0, 0.5)))
 ]
-DATASET = {
-    "source": "measured",
-    "endotwin": "1",
-    "episodes": 1,
-    "seconds": 0.2,
-    "bytes": 99,
-    "features": {"truth_deg": FEATURE},
-    "statistics": {"truth_deg": FIGURES},
-    "files": [
-        {
-            "name": "a.mcap",
-            "samples": 2,
-            "seconds": 0.2,
-            "bytes": 99,
-            "sha256": "0" * 64,
-            "statistics": {"truth_deg": FIGURES},
-            "csv": "a.csv",
-            "csv_sha256": "1" * 64,
-        }
-    ],
-}
 FACTS = {
     "preset": Preset("mine").to_dict(),
     "name": "a",
@@ -85,7 +63,7 @@ READERS = {
     "bouc_wen.json": (load_model, MODELS[1]),
     "prandtl_ishlinskii.json": (load_model, MODELS[2]),
     "evaluation.json": (read_evaluation, {"protocol": {"suite": "paper"}, "rows": [SCORE.to_dict()]}),
-    "dataset.json": (lambda path: read_contents(path.parent), DATASET),
+    "dataset.json": (lambda path: read_contents(path.parent), contents()),
 }
 HEAD = '[{"noise": "n", "level": 1.0, "methods": []}]'
 DESCRIPTION = {"agent": "ram", "active_model": ActiveModel(COLEMAN_HODGDON, 0.1).to_dict()}
