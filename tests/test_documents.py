@@ -193,3 +193,9 @@ def test_a_tutorial_runs_and_prints_what_it_states(path, tmp_path):
         numbers = zip(map(float, NUMBER.findall(ours)), map(float, NUMBER.findall(page)), strict=True)
         for here, there in numbers:  # of another machine, or another version of a library
             assert here == pytest.approx(there, rel=0.35, abs=0.5), (ours, page)
+
+
+def test_a_tutorial_is_a_page_with_text_code_and_output():
+    page = tutorials.page(tutorials.FOLDER / "write_an_estimator.py")
+    assert "```python" in page
+    assert "```text" in page

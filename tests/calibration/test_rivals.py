@@ -5,11 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 from calibrating import changed
+from models import NAMES
 
 from twin.calibration.compared import rival_errors
 from twin.calibration.logs import MeasuredLoop
 from twin.episode import Episode
-from twin.hysteresis import MODELS, BoucWen, ColemanHodgdon, PrandtlIshlinskii
+from twin.hysteresis import BoucWen, ColemanHodgdon, PrandtlIshlinskii
 
 STEP = 0.05
 TIME = np.arange(0, 20, STEP)
@@ -19,7 +20,6 @@ TRUTH = {
     "bouc-wen": BoucWen(9.0, -8.0, 0.9, 0.8, 1.5),
     "prandtl-ishlinskii": PrandtlIshlinskii((2.0, 5.0, 3.0), (0.0, 0.6, 1.1)),
 }
-NAMES = [*sorted(MODELS.keys() - {"bouc-wen"}), pytest.param("bouc-wen", marks=pytest.mark.slow)]
 
 
 def made(pull, bend, sheath: float | None = None) -> Episode:

@@ -18,8 +18,8 @@ from twin.identification.nuisances import (
 
 TIME = np.arange(240) * 0.05
 DELAY = 0.13
-MODELS = [ColemanHodgdon(0.4, 12.0, 7.0), BoucWen(12.0, -14.0, 0.5, 1.2, 1.6)]
-OFTEN = [MODELS[0], pytest.param(MODELS[1], marks=pytest.mark.slow)]
+BOUC_WEN = BoucWen(12.0, -14.0, 0.5, 1.2, 1.6)
+MODELS = [ColemanHodgdon(0.4, 12.0, 7.0), pytest.param(BOUC_WEN, marks=pytest.mark.slow)]
 PLAYS = PrandtlIshlinskii((3.0, 2.0, 4.0), (0.0, 0.4, 1.1))
 
 
@@ -49,7 +49,7 @@ def rough(model, logs):
     return identify(records, 1, model.name, population=30, generations=15)[0]
 
 
-@pytest.mark.parametrize("model", OFTEN, ids=["coleman-hodgdon", "bouc-wen"])
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
 def test_offsets_a_delay_and_the_model_are_found_together(model):
     logs = measured(model, (7.0, -4.0))
     found, rmse, nuisances = fit_nuisances(rough(model, logs), logs, 0.05)

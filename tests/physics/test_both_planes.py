@@ -49,7 +49,9 @@ def circled(twin, preset, radius: float, start: float) -> np.ndarray:
     return path[-round(PERIOD / T) :, -1]
 
 
-@pytest.mark.parametrize("start", [0.0, np.pi / 4, 2.0])
+@pytest.mark.parametrize(
+    "start", [0.0, np.pi / 4, 2.0, *(pytest.param(at, marks=pytest.mark.slow) for at in (0.6, np.pi, 5.5))]
+)
 def test_circle_of_commands_stays_round_whatever_direction_it_starts_in(twin, start):
     pull, lateral = around(2e-3, start)
     episode = twin.simulate(DRY, pull, T, lateral_pull=lateral)

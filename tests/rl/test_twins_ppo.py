@@ -88,3 +88,13 @@ def test_weights_that_are_no_numbers_are_reported_as_divergence():
         step.policy[-1].bias[1] = torch.nan
     with pytest.raises(FloatingPointError, match="the training has diverged"):
         learn_by_ppo(step, small_source(), shorter(gain=("ppo",), ppo_samples=25_600), ignore, ignore)
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_policy():
+    weights = []
+    for _ in range(2):
+        step = small_step()
+        learn_by_ppo(step, small_source(), shorter(gain=("ppo",), ppo_samples=25_600), ignore, ignore)
+        weights.append(step.policy[-1].weight.detach().clone())
+    torch.testing.assert_close(*weights, rtol=0, atol=0)

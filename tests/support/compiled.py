@@ -3,8 +3,6 @@
 import importlib
 from concurrent.futures import ProcessPoolExecutor
 
-import numpy as np
-
 from twin.physics import Endoscope
 from twin.preset import load_preset
 from twin.reduced import ReducedTwins
@@ -23,7 +21,7 @@ def compile_part(part: int | str) -> None:
     twins.step(1e-3)
     if part == 1:
         twins.inverse(0.1, stroke=(0.0, 3e-3))
-        twins.common_pull(np.ones(1), 0.1, (0.0, 3e-3))
+        twins.common_pull([1.0], 0.1, (0.0, 3e-3))
 
 
 if __name__ == "__main__":
