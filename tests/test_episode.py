@@ -93,9 +93,17 @@ def test_thinned_record_is_every_nth_sample_of_every_array(step, sample_time):
     assert (thin.metadata, thin.attachments) == (episode.metadata, episode.attachments)
 
 
-@pytest.mark.parametrize("sample_time", [0.03, 0.01, 0.0201, 0.0, -0.02])
-def test_sample_time_that_is_no_multiple_is_refused(sample_time):
-    with pytest.raises(ValueError, match=r"must be a whole multiple of the record's 0\.02 s"):
+@pytest.mark.parametrize("sample_time", [0.03, 0.0201, 1 / 30])
+def test_sample_time_that_is_no_multiple_is_interpolated(sample_time):
+    episode = make_episode()
+    thin = episode.resampled(sample_time)
+    assert thin.sample_time == pytest.approx(sample_time)
+    np.testing.assert_allclose(thin.pull, np.interp(thin.time, episode.time, episode.pull))
+
+
+@pytest.mark.parametrize("sample_time", [0.01, 0.0, -0.02])
+def test_sample_time_below_that_of_the_record_is_refused(sample_time):
+    with pytest.raises(ValueError, match=r"must be at least the record's 0\.02 s"):
         make_episode().resampled(sample_time)
 
 

@@ -302,7 +302,8 @@ def resample(
         time: (N,) times, increasing [s].
         columns: arrays of N samples, or empty.
         sample_time: T [s].
-        method: `thin` keeps every n-th sample and refuses a T that is no multiple of the median sample time;
+        method: `thin` keeps every n-th sample, interpolates where T is no multiple of the median sample time,
+            and refuses a T below it;
             `nearest` keeps every n-th, n being the integer nearest to their ratio and at least 1;
             `interpolate` is linear on an even grid from 0 on.
         with_gaps: columns with NaN where a value is missing. A grid point between two known values that are
@@ -313,15 +314,11 @@ def resample(
         ValueError: T does not fit, or the grid would have more than `LARGEST_GRID` samples.
     """
     own = float(np.median(np.diff(time)))
-    if method != "interpolate":
-        ratio = sample_time / own
-        step = round(ratio) if np.isfinite(ratio) else 0
-        if method == "nearest":
-            step = max(step, 1)
-        elif step < 1 or abs(ratio - step) > 1e-6 * ratio:
-            raise InputError(
-                f"`sample_time` {sample_time:g} s: must be a whole multiple of the record's {own:g} s"
-            )
+    ratio = sample_time / own
+    step = max(round(ratio), 1) if np.isfinite(ratio) else 1
+    if method == "thin" and not ratio > 1 - 1e-6:
+        raise InputError(f"`sample_time` {sample_time:g} s: must be at least the record's {own:g} s")
+    if method == "nearest" or (method == "thin" and abs(ratio - step) <= 1e-6 * ratio):
         return {name: values[::step] for name, values in columns.items()} | {"time": time[::step]}
     if not 0 < sample_time < np.inf:
         raise InputError(f"sample time {sample_time:g} s: must be positive")

@@ -118,7 +118,7 @@ def test_what_an_episode_depends_on_has_everything_else(change):
         ({"seconds": np.nan}, "nan s of an episode: at most 100000"),
         ({"seconds": 9e4}, "4500000 samples of an episode: at most 1000000"),
         ({"seconds": 1e4, "episodes": 5000}, "samples of a dataset: at most 1000000000"),
-        ({"sample_time_s": 0.015}, "whole multiple of the control period"),
+        ({"sample_time_s": -0.02}, "sample time -0.02 s: must be positive"),
         ({"sensor_variance_deg2": -1.0}, "not negative"),
         ({"signals": ("sinus",)}, "unknown signal 'sinus'; valid: sine"),
         ({"episodes": 10_001}, "episodes = 10001: must be from 1 to 10000"),

@@ -131,7 +131,7 @@ def test_an_uneven_log_becomes_frames_on_a_grid_with_nan_where_nothing_was_measu
         ("data --out data", "the folder data is not empty: choose another name, or remove it"),
         ("data --out data/episode_0000.mcap", "is there and is no folder"),
         ("data --out data/episode_0000.mcap/le", "cannot write to the folder"),
-        ("data --out le --sample-time 0.03", "must be a whole multiple of the record's 0.02 s"),
+        ("data --out le --sample-time 0.01", "must be at least the record's 0.02 s"),
         ("data --out le --columns all", "--columns all is for --format csv"),
     ],
 )

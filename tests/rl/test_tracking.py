@@ -172,7 +172,7 @@ def test_a_law_that_is_linear_in_the_observation_tracks_far_better_than_the_line
         ({"signals": ("sine", "square")}, "unknown reference 'square'; valid: sine"),
         ({"signals": ()}, "signals: at least one is needed; valid: sine"),
         ({"noise_variance": -1.0}, "gaussian noise of level -1.0"),
-        ({"sample_time": 0.015}, "sample time 0.015 s: must be a whole multiple"),
+        ({"sample_time": -1.0}, "sample time -1 s: must be positive"),
         ({"seconds": 0.0}, "needs at least two samples"),
         ({"physics": "bullet"}, "unknown physics 'bullet'; valid: mujoco, reduced"),
         ({"render_mode": "human"}, "unknown render_mode 'human'; valid: None, rgb_array"),

@@ -49,4 +49,4 @@ def test_defaults_of_import_are_those_of_the_library():
         if field.name == "pulley_radius_mm":
             assert field.default * 1e-3 == pytest.approx(form.pulley_radius)
         elif hasattr(form, field.name):
-            assert field.default == getattr(form, field.name), field.name
+            assert (field.default or None) == (getattr(form, field.name) or None), field.name

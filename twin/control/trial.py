@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from twin.control.controller import ControlKnowledge, Sensed, find_controllers
 from twin.errors import InputError
-from twin.preset.preset import Preset, check_sample_time
+from twin.preset.preset import Preset, at_sample_time, check_sample_time
 from twin.signals.sensor import samples_late
 from twin.simulation import check_physics, simulate
 
@@ -23,6 +23,7 @@ class Plant:
         if preset.bending_planes != 1:
             raise InputError(f"{preset.name!r} has two bending planes: control is of one")
         check_physics(physics)
+        preset = at_sample_time(preset, sample_time)
         self.preset, self._sample_time, self._physics = preset, sample_time, physics
         self._periods = check_sample_time(preset, sample_time)
         self.endoscope: Any

@@ -14,7 +14,7 @@ from twin.errors import InputError
 from twin.files.bounds import LONGEST_SECONDS, check_between
 from twin.files.shown import shown
 from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
-from twin.preset.preset import Preset, check_sample_time, parameter_limits
+from twin.preset.preset import Preset, at_sample_time, parameter_limits
 from twin.preset.randomization import Ranges
 from twin.rendering.camera import Camera
 from twin.signals.excitation import SIGNALS, command
@@ -159,7 +159,7 @@ class Recipe:
             self.camera.check()
 
     def _check_size(self) -> None:
-        check_sample_time(self.preset, self.sample_time_s)
+        at_sample_time(self.preset, self.sample_time_s)
         samples, files = self.seconds / self.sample_time_s, self.episodes * len(self.seeds)
         for count, most, what in (
             (self.seconds, LONGEST_SECONDS, "s of an episode"),

@@ -16,7 +16,7 @@ from twin.files.yaml_text import MOST_BYTES, parse_yaml
 from twin.measured.command import CommandFormat, read_command
 from twin.measured.table import SECONDS_PER_CYCLE
 from twin.preset.file import load_preset, preset_of
-from twin.preset.preset import Preset, at_fidelity, check_sample_time
+from twin.preset.preset import Preset, at_fidelity, at_sample_time
 from twin.preset.randomization import Ranges, load_ranges
 from twin.rendering.camera import Camera
 from twin.signals.excitation import SIGNALS
@@ -196,7 +196,7 @@ def _resolved(file: RecipeFile, folder: Path) -> Recipe:
     preset, ranges = _preset_and_ranges(file, folder)
     changes = {**file.set, **file.sensor.parameters}
     preset = at_fidelity(preset, file.fidelity).replace(**changes)
-    check_sample_time(preset, file.sample_time_s)
+    at_sample_time(preset, file.sample_time_s)
     own = round(float(np.degrees(preset.sheath_bend)), 9)
     bends: list[Interval] = []
     for bend in file.sheath_bends_deg:

@@ -195,6 +195,21 @@ def suggestion(name: str, names: list[str]) -> str:
     return f"{guess}; valid: {cut(', '.join(names), 130)}"
 
 
+def at_sample_time(preset: Preset, sample_time: float) -> Preset:
+    """Return the endoscope with a control period, at most its own, that divides the time between samples [s].
+
+    Where its own does, nothing is changed.
+    """
+    ratio = sample_time / preset.control_period
+    if not 0 < ratio < 1e6:
+        raise InputError(f"sample time {sample_time:g} s: must be positive, at most 1e6 control periods")
+    if abs(ratio - max(round(ratio), 1)) * preset.control_period <= 1e-9:
+        return preset
+    period = sample_time / math.ceil(ratio)
+    steps = math.ceil(period / preset.time_step - 1e-9)
+    return preset.replace(control_period=period, time_step=period / steps)
+
+
 def check_sample_time(preset: Preset, sample_time: float) -> int:
     """Return the number of control periods between two samples, which must be a whole one."""
     ratio = sample_time / preset.control_period

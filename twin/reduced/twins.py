@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.mechanics.friction import friction_drift, group_of_hinge
-from twin.preset.preset import Preset, check_sample_time
+from twin.preset.preset import Preset, at_sample_time, check_sample_time
 from twin.reduced.parameters import (
     MISSING_LIMIT_N,
     WARM_UP,
@@ -38,10 +38,12 @@ class ReducedTwins:
     def __init__(self, presets: Sequence[Preset], sample_time: float | None = None) -> None:
         """Build M endoscopes of one layout that are at rest.
 
-        A sample is a whole multiple of their control period, or one control period.
+        A sample is one control period if its time [s] is not given; see `at_sample_time`.
         """
         from twin.reduced.advance import Trace, Workspace, state_at_rest
 
+        if sample_time is not None:
+            presets = [at_sample_time(preset, sample_time) for preset in presets]
         self.presets = list(presets)
         self.parameters = parameters_of(presets)  # as the kernels take them
         self._periods = 1 if sample_time is None else check_sample_time(self.presets[0], sample_time)

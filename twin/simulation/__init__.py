@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from twin.episode import Episode
 from twin.errors import InputError, missing_extra
-from twin.preset.preset import Preset
+from twin.preset.preset import Preset, at_sample_time
 
 if TYPE_CHECKING:
     from twin.physics.endoscope import Endoscope, State
@@ -56,7 +56,7 @@ def simulate(
     Args:
         preset: the endoscope.
         pull: (N,) commanded pulling distance of wire a at each sample [m], linear in between.
-        sample_time: time between two samples [s]; a whole multiple of `preset.control_period`.
+        sample_time: time between two samples [s]; control periods become shorter where they do not divide it.
         physics: `mujoco`, or `reduced`: quasi-static, without MuJoCo and without gravity, far faster.
         lateral_pull: (N,) commanded pulling distance of wire c [m], with two bending planes; else zero.
         sheath_bend: (N,) angle of the sheath at each sample [rad], or one angle; without it, the preset's.
@@ -72,6 +72,7 @@ def simulate(
         ValueError: a signal, the sample time, the state or gravity does not fit the endoscope and its twin.
         FloatingPointError: the simulation diverged.
     """
+    preset = preset if endoscope is not None else at_sample_time(preset, sample_time)
     record: Episode = _twin(physics, "simulate")(
         preset,
         pull,
@@ -113,5 +114,6 @@ def simulate_batch(
     """
     options: dict[str, Any] = {"sheath_bends": sheath_bends, "lateral_pulls": lateral_pulls}
     options |= {"threads": threads, "on_sample": on_sample}
+    presets = [at_sample_time(preset, sample_time) for preset in presets]
     records: list[Episode | None] = _twin(physics, "simulate_batch")(presets, pulls, sample_time, **options)
     return records

@@ -40,15 +40,12 @@ RECOGNISER_ALONE = (0.0, 1.0)
 
 @dataclasses.dataclass(frozen=True)
 class RamTwins(LearnedStep):
-    """A trained step and the twins that it predicts by; T is a multiple of their control period."""
+    """A trained step and the twins that it predicts by."""
 
     twins: "MemberSet" = dataclasses.field(kw_only=True)  # that follow the command
 
     def at(self, sample_time: float) -> Self:
-        """Return the estimator for another T [s]; `ValueError`: no multiple of the control period."""
-        from twin.preset.preset import check_sample_time
-
-        check_sample_time(self.twins.presets[0], sample_time)
+        """Return the estimator for another T [s]."""
         return dataclasses.replace(self, sample_time=sample_time)
 
     def start(self, pull_mm: Array, bend_deg: Array) -> StepState:
