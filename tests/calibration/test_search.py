@@ -69,6 +69,16 @@ def test_interrupted_calibration_ends_as_an_undisturbed_one(problem, whole, tmp_
     assert [len(seen) for seen in reports] == list(stages)
 
 
+def test_a_fit_that_mujoco_cannot_follow_is_that_of_the_reduced_twin(problem, whole, monkeypatch):
+    monkeypatch.setattr(search, "predict", lambda presets, logs: [[None] * len(logs) for _ in presets])
+    fit = calibrate(*problem, seed=3, starts=2)
+    assert fit.unconfirmed.startswith(f"the twin diverges in MuJoCo along {problem[1][0].name}")
+    for name in fit.free.names:
+        assert getattr(fit.preset, name) == pytest.approx(getattr(whole.preset, name), rel=0.01)
+    assert fit.cost == fit.reduced_cost
+    assert fit.jacobian.shape == (len(fit.residual), len(fit.free.names))
+
+
 @pytest.mark.parametrize("planted", [planted_pickle, lambda witness: b"my notes"])
 def test_foreign_state_is_neither_run_nor_overwritten(problem, tmp_path, planted):
     state, witness = tmp_path / ".preset.calibration", tmp_path / "it ran"

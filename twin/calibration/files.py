@@ -26,6 +26,7 @@ from twin.episode import Episode
 from twin.errors import DivergedError, InputError
 from twin.files.atomic import write_whole
 from twin.files.shown import cut, printable
+from twin.hysteresis.width import without_hysteresis
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.recording import read_dataset
@@ -45,7 +46,12 @@ def fit_report(fit: Fit, known: Uncertainty, logs: Sequence[Compared], seed: int
             name: {"value": getattr(fit.preset, name), "standard_deviation": sd if np.isfinite(sd) else None}
             for name, sd in known.deviation.items()
         },
-        "warnings": [*known.warnings, *diverged],
+        "warnings": [
+            *([fit.unconfirmed] if fit.unconfirmed else []),
+            *without_hysteresis((of.loop.name, of.loop.episode.pull, of.loop.episode.bend) for of in logs),
+            *known.warnings,
+            *diverged,
+        ],
     }
 
 

@@ -104,6 +104,8 @@ class Fit:
     # points that walks met near the fit of the reduced twin, (K, 1 + P): rise of the cost, and distance in
     # the search space
     neighbours: Array = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
+    # why the fit is that of the reduced twin alone, if it is; its costs and residuals are that twin's too
+    unconfirmed: str = ""
 
 
 CORRECTIONS = 20  # most, towards the twin in MuJoCo
@@ -132,7 +134,12 @@ def confirmed(
     """
     reduced = residuals([free.decode(numbers)], counted, "reduced")[0]
     count = len(reduced)  # what follows is the departure from the first guess
-    base = free.base.replace(time_step=steady(free.decode(numbers), loops).time_step)
+    try:
+        base = free.base.replace(time_step=steady(free.decode(numbers), loops).time_step)
+    except DivergedError as error:  # minutes of search are not thrown away
+        cost, slope = float(reduced @ reduced), jacobian(numbers, None)[:count]
+        left = penalised(free, [numbers], loops, "reduced", weight)[0][:count]
+        return Fit(free, free.decode(numbers), cost, cost, slope, left, unconfirmed=str(error))
     free = dataclasses.replace(free, base=base)
     valley = Valley(free)
     slope, off = jacobian(numbers, None), penalised(free, [numbers], loops, "mujoco", weight)[0]
@@ -165,9 +172,10 @@ def steady(preset: Preset, loops: Sequence[MeasuredLoop]) -> Preset:
         finer = preset.replace(time_step=preset.time_step / 2**halving)
         if None not in predict([finer], loops)[0]:
             return finer
+    lost = [loop.name for loop, made in zip(loops, predict([finer], loops)[0], strict=True) if made is None]
     raise DivergedError(
-        f"the calibrated twin diverges in MuJoCo, even at steps of {finer.time_step:g} s: "
-        "fit fewer parameters with `free`, or begin with another `preset`"
+        f"the twin diverges in MuJoCo along {', '.join(lost)}, even at steps of {finer.time_step:g} s: "
+        "this is the fit of the reduced twin; fit fewer parameters with `free`, or take another `preset`"
     )
 
 

@@ -26,7 +26,7 @@ from twin.files.bounds import SAMPLE_TIMES, check_between
 from twin.files.shown import shown
 from twin.gate.trial import PairedTrial, joined_cases, run_trials
 from twin.identification.models import identify_coleman_hodgdon
-from twin.preset.preset import Preset, check_sample_time
+from twin.preset.preset import Preset, at_sample_time
 from twin.preset.randomization import Ranges
 from twin.reduced import simulate_batch
 from twin.reduced.members import check_members
@@ -305,7 +305,7 @@ def gather(
         check_between("sample_time", sample_time, *SAMPLE_TIMES, "s")
     estimator, T = load_estimator_at(file, sample_time)
     check_members([preset])
-    check_sample_time(preset, T)
+    at_sample_time(preset, T)
     logs, sheath_bends = [], []
     for number, episode in enumerate(episodes):
         log, sheath_bend = _log_of(episode, T, number, size.log_samples)

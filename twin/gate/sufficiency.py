@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from twin.episode import Record, without_holes
 from twin.gate.check import TWIN, Check, declare, not_shown
 from twin.gate.evidence import OTHER_STREAMS, GateMaterial
+from twin.hysteresis.width import without_hysteresis
 from twin.identification.models import identify_coleman_hodgdon
 from twin.identification.search import reverses
 from twin.reduced import simulate_batch
@@ -68,6 +69,7 @@ def twin_of_logs(material: GateMaterial) -> Check:
     if not holds:
         said += ": calibrate the preset first, evidence on its twins says little about this endoscope"
     notes = ["The twin sees no measurement. From measured logs the offset of their zero is subtracted."]
+    notes += without_hysteresis((log.name, log.pull_mm, log.reference_deg) for log in material.logs)
     if any(row["sheath_bend_deg"] is not None for row in rows):
         notes.append("Where a log has no bend of its sheath, the best of nine bends is used.")
     return Check(
