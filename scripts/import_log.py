@@ -1,35 +1,44 @@
-"""`endotwin import`: read a measured log, a CSV file, into an MCAP file as `generate` writes them."""
+"""`endotwin import`: read a measured log into an MCAP file as `generate` writes them."""
 
 import dataclasses
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
 from scripts.command import SeedIgnored, Summary, complain, options_of, run_verb, with_flags
-from scripts.outputs import output_folder
+from scripts.outputs import output_file, output_folder
 
 
 @dataclasses.dataclass(frozen=True)
 class Import(SeedIgnored):
-    """Read a measured log, a CSV file, into an MCAP file in the form of simulated records."""
+    """Read a measured log into an MCAP file in the form of simulated records."""
 
     file: tyro.conf.Positional[Path]
-    """CSV file with a header."""
-    out: Path
-    """Folder to write into; other measured logs in it stay."""
-    command_column: str = "command_deg"
+    """Log: text with columns, .npz, .mat, .parquet, .xlsx, a bag of ROS (.bag, .db3, .mcap or its folder) or
+    MCAP of other software. A field of a topic is a column, as /cmd.data."""
+    out: Path | None = None
+    """Folder to write into; other measured logs in it stay. With --look: a PNG file, for the loop."""
+    look: bool = False
+    """Import nothing: show the columns, what they seem to be, and the command that imports the file."""
+    command_column: Annotated[str, tyro.conf.arg(aliases=["--command-topic"])] = "command_deg"
     """Command of the drive: an angle of the pulley, or a pulling distance."""
     command_unit: Literal["deg", "rad", "mm", "m"] | None = None
     """Its unit, if the column's name does not end in it."""
     pulley_radius_mm: float = 10.0
     """An angle of the pulley becomes a pulling distance by this; kept in the metadata, to undo it."""
-    angle_column: str = "angle_deg"
+    angle_column: Annotated[str, tyro.conf.arg(aliases=["--angle-topic"])] = "angle_deg"
     """Measured bending angle; a row may lack it, as where a sensor dropped out."""
     angle_unit: Literal["deg", "rad"] | None = None
     """Its unit, if the column's name does not end in it."""
+    command_scale: float = 1.0
+    """What one count of an encoder is, in units of the command: (count - zero) * scale."""
+    command_zero: float = 0.0
+    """Counts at the command zero."""
+    unwrap_angle: bool = False
+    """The angle leaves one end of a turn and enters at the other: make it continuous."""
     reverse_angle: bool = False
     """The sensor counts a bend towards wire a, the pulled one, as negative."""
     lateral_command_column: str | None = None
@@ -38,10 +47,11 @@ class Import(SeedIgnored):
     """Measured bending angle in that plane."""
     reverse_lateral_angle: bool = False
     """The sensor counts a bend towards wire c as negative."""
-    time_column: str | None = None
-    """Time or phase; if not given, time_s or phase_rad, whichever there is."""
-    time_unit: Literal["s", "ms", "us", "rad"] | None = None
-    """Its unit, if the column's name does not end in it; rad for a phase."""
+    time_column: tuple[str, ...] = ()
+    """Time or phase, or two columns whose times are added, as of seconds and nanoseconds; if not given,
+    time_s or phase_rad, whichever there is. Dates with times are read too."""
+    time_unit: Literal["s", "ms", "us", "ns", "rad"] | None = None
+    """Unit of the first, if the column's name does not end in it; rad for a phase."""
     seconds_per_cycle: float = 20.0
     """Time that 2 pi of a phase take [s]."""
     tension_a_column: str | None = None
@@ -53,26 +63,46 @@ class Import(SeedIgnored):
     window_column: str | None = None
     """Column of numbers that change from window to window, of a file of pieces cut from longer records
     without what came before them; each window becomes an MCAP file of its own, NAME_window_0000 ..."""
+    split_runs: bool = False
+    """The file holds several runs: another one begins where the time begins again or has a gap; each becomes
+    an MCAP file of its own."""
+    no_header: bool = False
+    """The first line holds numbers: columns are named by their numbers, from 1."""
     name: str | None = None
     """Name of the MCAP file without its ending; that of the CSV file if not given."""
 
 
 def import_log(args: Import) -> Summary:
     """Write the log as an episode."""
+    if args.look:
+        return _look(args)
+    if args.out is None:
+        raise ValueError("give --out, the folder to write into, or --look to see what the file holds")
     import numpy as np
 
     from twin.files.bounds import check_file_name
     from twin.measured.folder import write_measured, write_windows
     from twin.measured.log import LogFormat, oddities, read_measured_log, read_windows
+    from twin.measured.look import look
+    from twin.measured.table import MissingColumnError
 
     name = args.file.stem if args.name is None else args.name
     check_file_name(name)
-    form = LogFormat(pulley_radius=args.pulley_radius_mm * 1e-3, **options_of(LogFormat, args))
-    windows = args.window_column is not None
-    if args.window_column is None:
-        episodes = [read_measured_log(args.file, form, on_warning=_warn)]
-    else:
-        episodes = read_windows(args.file, args.window_column, form, on_warning=_warn)
+    if len(args.time_column) > 2:
+        raise ValueError(f"--time-column names {len(args.time_column)} columns: at most two are added")
+    if args.split_runs and args.window_column is not None:
+        raise ValueError("--split-runs and --window-column split a file both: give one of them")
+    time_column, fraction = (*args.time_column, None, None)[:2]
+    given = options_of(LogFormat, args) | {"time_column": time_column, "time_fraction_column": fraction}
+    form = LogFormat(pulley_radius=args.pulley_radius_mm * 1e-3, **given)
+    windows = args.window_column is not None or args.split_runs
+    try:
+        if not windows:
+            episodes = [read_measured_log(args.file, form, on_warning=_warn)]
+        else:
+            episodes = read_windows(args.file, args.window_column, form, on_warning=_warn)
+    except MissingColumnError as error:
+        raise ValueError(f"{error}; try: {look(args.file).command()}") from error
     for oddity in oddities(*episodes):
         _warn(f"{args.file}: {oddity}")
     folder = output_folder(args.out)
@@ -105,6 +135,32 @@ def import_log(args: Import) -> Summary:
     line = f"{what}{len(pull_mm)} samples{without}, {seconds:g} s at {1 / sample_time:.3g} Hz, "
     line += f"pulled from {least:.3g} to {most:.3g} mm, bent from {low:.1f} to {high:.1f} deg{sideways}"
     return Summary(line, values)
+
+
+def _look(args: Import) -> Summary:
+    from twin.files.atomic import write_whole
+    from twin.measured.log import oddities, read_measured_log
+    from twin.measured.look import look
+    from twin.report.tables import aligned_table
+
+    guess = look(args.file)
+    names = ["column", "seems to be", "ranges from", "missing"]
+    table = aligned_table(guess.lines(), names, fmt="plain", left=2)
+    form = guess.form()
+    values: dict[str, Any] = {"file": str(args.file), "command": guess.command(), "roles": dict(guess.roles)}
+    if form is not None:
+        log = read_measured_log(args.file, form, on_warning=_warn)
+        for oddity in oddities(log):
+            _warn(f"{args.file}: {oddity}")
+        values |= {"samples": len(log.time), "sample_time_s": log.sample_time}
+        table += f"\n\n{len(log.time)} samples, {log.time[-1]:g} s at {1 / log.sample_time:.3g} Hz"
+        if args.out is not None:
+            from twin.dataset.card import loops_figure
+            from twin.report.figures import to_png_bytes
+
+            path = output_file(args.out, (".png",), inputs=[args.file])
+            write_whole(path, to_png_bytes(loops_figure([log])))
+    return Summary(guess.command(), values, table=table + "\n")
 
 
 def _warn(line: str) -> None:

@@ -29,6 +29,7 @@ EXTRAS = {
     "viz": ("matplotlib", "av", "PIL", "jinja2", "markupsafe"),
     "cluster": ("distributed",),
     "parquet": ("pyarrow",),
+    "logs": ("rosbags", "openpyxl"),
     "tensorboard": ("tensorboard",),
     "live": ("foxglove",),
     "benchmark": ("filterpy",),

@@ -39,7 +39,7 @@ def read(path, content=None):
         (HEADER + ROWS + b"2,1\n", "line 4 has 2 fields, its header has 3"),
         (HEADER + ROWS + b"2\n3,1,1\n", "line 4 has 1 field, its header has 3"),
         (HEADER + ROWS + b"2,1", "line 4 has 2 fields, its header has 3; the file ends within this line"),
-        (b"a,b\n" + b"1,2,\n", "line 2 has 3 fields, its header has 2"),
+        (b"a,b\n" + b"1,2,3\n", "line 2 has 3 fields, its header has 2"),
         (HEADER.replace(b",", b";") + b"0;0;0;0\n", "line 2 has 4 fields, its header has 3$"),
         (HEADER.replace(b",", b"|") + b"0|0|0\n", "its header has 1 column: .* or tabs, not by bars"),
         (HEADER.replace(b",", b" ") + b"0 0 0\n", "its header has 1 column: .* or tabs, not by spaces"),
@@ -57,9 +57,8 @@ def read(path, content=None):
         (HEADER + b'0,"' + b"1\n" * 70_000, "line 2: a field has more than 131072 characters: is a quote"),
         (HEADER + ROWS + b'2,"1"1,0\n', "line 4 is no line of a CSV file"),
         (HEADER + b"0,\x00,0\n", "is not a CSV file: line 2 holds a NUL byte"),
-        ((HEADER + ROWS).decode().encode("utf-16"), "is not a CSV file in UTF-8: it is in UTF-16"),
         ((HEADER + ROWS).decode().encode("utf-16-le"), "line 1 holds a NUL byte, .* text in UTF-16"),
-        (HEADER + b"0,0,0\n1,1\xb0,1\n", "not a CSV file in UTF-8: line 3 holds the byte 0xb0 of another"),
+        (b"1,2,3\n" + ROWS, "line 1 holds numbers: the file has no header, give `no_header`"),
         (HEADER + b"0," * (csv_table.LONGEST_LINE // 2 + 1), "line 2 has more than 1048576 characters"),
         (b"x" * (csv_table.LONGEST_LINE + 9), "line 1 has more than 1048576 characters"),
         (b"", "holds no lines of data"),
@@ -89,6 +88,12 @@ def test_what_is_no_csv_file_is_refused_in_one_line(tmp_path, content, fault):
         b'"force, N";time_s;command_deg;angle_deg\n2.5;0;0,0;0\n1.234,5;1;1,0;1\n',
         b"force, N;time_s;command_deg;angle_deg\n1;0;0;0\n1;1;1;1\n",
         b"time_s,command_deg,angle_deg,raw;x;y\n0,0,0,0\n1,1,1,1\n",
+        (HEADER + ROWS).decode().encode("utf-16"),
+        b"Ma\xdf," + HEADER + b"\xb0,0,0,0\n\xb0,1,1,1\n",
+        b"Bench 3,,\nOperator:,time_s,\n\n" + HEADER + ROWS,
+        b"# bent by 90 deg\n#\n" + HEADER + b"# begins\n" + ROWS,
+        HEADER + b"[s],(deg),\xb0\n" + ROWS,
+        HEADER + b"0,0,0,,\n1,1,1,\n",
     ],
 )
 def test_what_loggers_write_is_read(tmp_path, content):
@@ -167,6 +172,11 @@ def expected(text):
     except csv.Error:
         return None
     rows = [row for row in rows if row and (len(row) > 1 or row[0].strip())]  # "," is a row of two gaps
+    while rows and len(rows[0]) > 1 and not rows[0][-1].strip():
+        rows[0].pop()
+    for row in rows[1:]:
+        while len(row) > len(rows[0]) and not row[-1].strip():
+            row.pop()
     if len(rows) < 2 or any(len(row) != len(rows[0]) for row in rows):
         return None
     names = [name.strip() for name in rows[0]]

@@ -1,4 +1,4 @@
-"""Measured log of a real endoscope: commands and sensor readings of a CSV file, read as episodes.
+"""Measured log of a real endoscope: commands and sensor readings of a file, read as episodes.
 
 Logs have holes. A measured angle that is missing stays missing: an estimator predicts there, without update.
 A missing command is held, as a controller holds it. A row without a time, or that comes late, is dropped.
@@ -18,17 +18,18 @@ from numpy.typing import NDArray
 from twin import __version__
 from twin.episode import Episode, without_holes
 from twin.errors import InputError
+from twin.measured.formats import read_table
 from twin.measured.table import (
     ANGLE_UNITS,
     SECONDS_PER_CYCLE,
     TIME_COLUMNS,
+    TIME_UNITS,
     CsvTable,
     average_repeats,
     check_cycle,
     column_unit,
     hold,
     pulling_distance,
-    read_columns,
     refuse_implausible,
     refuse_implausible_times,
     time_unit_of,
@@ -39,6 +40,10 @@ Array = NDArray[np.float64]
 Warn = Callable[[str], None]
 SHEATH_BEND_COLUMN = "sheath_bend_deg"  # name of the column of the angle that the sheath is bent by
 GAP = 20.0  # time step, relative to the median one, from which on it counts as a gap
+RESTARTED = 5  # rows that stay behind the time before them, from which on the clock has been set back
+SHORTEST_PAUSE_S = 1.0  # between two runs of one file [s]
+JITTER = 0.2  # spread of time steps, relative to the median one, that is told
+JUMP = 8.0  # step there and back within one row, relative to nearly all other steps, that is told
 LARGEST_RADIUS = 1.0  # largest radius of a pulley [m]
 LARGEST_SHEATH_BEND_DEG = 1440.0  # largest bend of a sheath [deg], the limit of a preset
 MOST_WINDOWS = 10_000  # largest number of windows in a file: a column with more changes is none of windows
@@ -63,13 +68,18 @@ class LogFormat:
     pulley_radius: float = 0.01  # radius that converts a pulley angle to a pulling distance [m]
     angle_column: str = "angle_deg"  # column of the measured bending angle
     angle_unit: str | None = None  # deg or rad; of both angles
+    command_scale: float = 1.0  # of one count of an encoder, in units of the command
+    command_zero: float = 0.0  # counts at the command zero
     reverse_angle: bool = False  # True if the sensor counts a bend towards wire a as negative
+    unwrap_angle: bool = False  # True if an angle that leaves one end of a turn enters at the other
+    no_header: bool = False  # True if the first line holds numbers; columns are then named by their numbers
     # column of the command of wires c and d; None: a log of one bending plane
     lateral_command_column: str | None = None
     lateral_angle_column: str | None = None  # column of the measured angle in their plane
     reverse_lateral_angle: bool = False  # True if the sensor counts a bend towards wire c as negative
     time_column: str | None = None  # column of the time or phase; None: time_s or phase_rad, whichever exists
-    time_unit: str | None = None  # s, ms or us; rad for a phase
+    time_fraction_column: str | None = None  # column of what is added to the time, such as nanoseconds
+    time_unit: str | None = None  # s, ms, us or ns; rad for a phase
     seconds_per_cycle: float = SECONDS_PER_CYCLE  # duration of a phase of 2 pi [s]
     # column of the tension of wire a at the pulley [N]; None: tension_a_n, if both tension_a_n and
     # tension_b_n exist
@@ -82,9 +92,15 @@ class LogFormat:
     def columns(self) -> set[str]:
         """Names of all columns that such a log may have."""
         names = {self.command_column, self.angle_column, SHEATH_BEND_COLUMN}
-        names |= {self.time_column} if self.time_column else {*TIME_COLUMNS}
+        names |= self.times
         names |= {name for name in (self.lateral_command_column, self.lateral_angle_column) if name}
         return names | {self.tension_a_column or "tension_a_n", self.tension_b_column or "tension_b_n"}
+
+    @property
+    def times(self) -> set[str]:
+        """Names of the columns that a time may be in."""
+        names = {self.time_column} if self.time_column else {*TIME_COLUMNS}
+        return names | ({self.time_fraction_column} if self.time_fraction_column else set())
 
     def check(self) -> None:
         """Refuse numbers that cannot be, and half a bending plane."""
@@ -135,23 +151,56 @@ def _log_table(path: Path, form: LogFormat, *more: str) -> CsvTable:
     form.check()
     if not path.name.isprintable():
         raise InputError(f"{str(path)!r:.40}: a log records the name of its file, which must be printable")
-    return read_columns(path, {*form.columns, *more})
+    return read_table(path, {*form.columns, *more}, times=form.times, no_header=form.no_header)
+
+
+def _timed(table: CsvTable, form: LogFormat, warn: Warn) -> tuple[CsvTable, str, str, float]:
+    """Return the rows that have a time, the column of it, its unit, and what that is in seconds."""
+    own = form.command_column, form.angle_column, form.lateral_command_column, form.lateral_angle_column
+    names = (form.time_column,) if form.time_column else TIME_COLUMNS
+    time_column = table.first_of(names, [name for name in own if name])
+    time_unit, unit = time_unit_of(table, time_column, form.time_unit, form.seconds_per_cycle)
+    without = np.isnan(table.column(time_column, may_miss=True))
+    if without.any() and not without.all() and table.names.count(form.angle_column) == 1:
+        angles = ~np.isnan(table.column(form.angle_column, may_miss=True))
+        if (lost := (angles & without).sum()) > angles.sum() / 2:
+            rule = f"{table.count(without, f'{time_column} is missing')}: they hold {lost} of {angles.sum()}"
+            raise InputError(f"{rule} values of {form.angle_column}: write a time into each row")
+    table = table.timed(time_column, warn)
+    if form.time_fraction_column:
+        name = form.time_fraction_column
+        seconds = table.column(name) * TIME_UNITS[column_unit(table, name, None, TIME_UNITS, "time_unit")]
+        table = table.moved(time_column, seconds / unit)
+    refuse_implausible_times(table, time_column, unit)
+    return table, time_column, time_unit, unit
+
+
+def _run_begins(time: Array) -> list[int]:
+    """Return the rows (runs,) at which a record begins: the first, and each that a clock is set back at."""
+    steps = np.diff(time)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    begins = [0]
+    for row in (np.flatnonzero(steps < -GAP * usual) + 1).tolist():
+        if (time[row : row + RESTARTED] < time[row - 1]).all() and row - begins[-1] > 1:
+            begins.append(row)
+    return begins
 
 
 def _log_of(table: CsvTable, form: LogFormat, warn: Warn, *, may_stand_still: bool = False) -> Episode:
-    path = table.path
-    time_column = table.first_of((form.time_column,) if form.time_column else TIME_COLUMNS)
-    time_unit, unit = time_unit_of(table, time_column, form.time_unit, form.seconds_per_cycle)
-    row_count, sha256 = len(table.lines), table.sha256
-    table = table.timed(time_column, warn)
-    refuse_implausible_times(table, time_column, unit)
+    path, row_count, sha256 = table.path, len(table.lines), table.sha256
+    table, time_column, time_unit, unit = _timed(table, form, warn)
     # A packet may come late with its stamp; a phase is computed, and one that goes back has begun a new turn.
     if time_unit != "rad":
+        for row in _run_begins(table.column(time_column))[1:]:
+            line = table.lines[row]
+            rule = f"{time_column} begins again: a second record begins there, read them with `split_runs`"
+            raise InputError(f"{path} line {line}: {rule}")
         table = table.in_order(time_column, warn)
-    time = table.time(time_column)
-
     if not may_stand_still:
         _refuse_standstill(table, form.command_column)
+    table = _joined(table, form, warn)
+    time = table.time(time_column)
+
     own = _plane(table, form, form.command_column, form.angle_column, form.reverse_angle)
     planes = [own]
     if form.lateral_command_column is not None and form.lateral_angle_column is not None:
@@ -165,13 +214,22 @@ def _log_of(table: CsvTable, form: LogFormat, warn: Warn, *, may_stand_still: bo
         ):
             if (missing := np.isnan(values)).any():
                 warn(f"{table.count(missing, f'{name} is missing')}: {effect}")
+            _tell_jumps(table, name, values, values is plane.bend, warn)
     tension_columns, tension = _tensions(table, form, warn)
     sheath_bend_column, sheath_bends = _sheath_bend(table, form)
 
     instants, pulls = average_repeats(time, np.column_stack([plane.pull for plane in planes]))
     if len(instants) < 2:
         raise InputError(f"{path}: all rows have the same {time_column}, a record needs two times")
+    if len(instants) < len(time) / 2 and time_unit != "rad":
+        rule = f"{len(time)} rows have {len(instants)} different times"
+        raise InputError(
+            f"{path}: {rule}: give `time_column` the column of the fraction of a second too, or a finer one"
+        )
     steps = np.diff(instants)
+    slow, quick = np.quantile(steps, (0.95, 0.05)) * unit * 1e3
+    if time_unit != "rad" and len(steps) > GAP and slow - quick > JITTER * np.median(steps) * unit * 1e3:
+        warn(f"{path}: time steps by {quick:.3g} to {slow:.3g} ms: the real times are kept")
     longest, usual = int(steps.argmax()), float(np.median(steps))
     if steps[longest] > GAP * usual:
         line, times = table.lines[int(np.searchsorted(time, instants[longest + 1]))], steps[longest] / usual
@@ -238,6 +296,26 @@ def _log_of(table: CsvTable, form: LogFormat, warn: Warn, *, may_stand_still: bo
     )
 
 
+def _joined(table: CsvTable, form: LogFormat, warn: Warn) -> CsvTable:
+    """Return the rows that have an angle, with the last command, where each is in rows of its own.
+
+    Rows before the first command are left out.
+    """
+    if form.lateral_command_column is not None:
+        return table
+    names = form.command_column, form.angle_column
+    command, angle = (table.column(name, may_miss=True) for name in names)
+    told, seen = ~np.isnan(command), ~np.isnan(angle)
+    if (told & seen).sum() < 0.1 * min(told.sum(), seen.sum()) and len(told) > GAP:
+        warn(f"{table.path}: {names[0]} and {names[1]} are in rows of their own: the last command is held")
+        table, told = table.filled(names[0], hold(command)).only(seen), ~np.isnan(hold(command))[seen]
+    if not told[0] and told.any():
+        first = int(told.argmax())
+        warn(f"{table.count(~told[:first], f'{names[0]} has not begun')}: such rows are left out")
+        table = table.only(slice(first, None))
+    return table
+
+
 @dataclasses.dataclass(frozen=True)
 class _Plane:
     """Command and measured angle of a bending plane, row by row: (N,) [m], (N,) [rad], NaN where missing."""
@@ -251,17 +329,47 @@ class _Plane:
 
 
 def _plane(table: CsvTable, form: LogFormat, command: str, angle: str, reverse: bool) -> _Plane:
+    counts = table.column(command, may_miss=True)
+    table = table.filled(command, (counts - form.command_zero) * form.command_scale)
     pull, command_unit = pulling_distance(
         table, command, form.command_unit, form.pulley_radius, "`pulley_radius`", may_miss=True
     )
     values = table.column(angle, may_miss=True)
     unit = column_unit(table, angle, form.angle_unit, ANGLE_UNITS, "angle_unit")
     bend = values * ANGLE_UNITS[unit] * (-1 if reverse else 1)
+    if form.unwrap_angle:
+        known = ~np.isnan(bend)
+        bend[known] = np.unwrap(bend[known])
+        bend -= 2 * np.pi * np.round(bend[known][0] / (2 * np.pi)) if known.any() else 0.0
     limits = (-LARGEST_BEND_DEG, LARGEST_BEND_DEG)
     with np.errstate(over="ignore"):
         degrees = np.degrees(bend)
     refuse_implausible(table, angle, degrees, "deg", limits, "check `angle_unit`")
     return _Plane(command, pull, command_unit, angle, bend, unit)
+
+
+def _tell_jumps(table: CsvTable, name: str, values: Array, is_angle: bool, warn: Warn) -> None:
+    """Warn of values that jump by a turn, and of single ones that are far from both neighbours."""
+    rows = np.flatnonzero(~np.isnan(values))
+    steps = np.diff(values[rows])
+    if len(steps) < 3:
+        return
+    turns = np.flatnonzero(np.abs(np.abs(steps) - 2 * np.pi) < np.pi / 3) if is_angle else steps[:0]
+    if len(turns):
+        line = table.lines[rows[int(turns[0]) + 1]]
+        warn(
+            f"{table.path} line {line}: {name} jumps by a turn, as in {len(turns)} rows: give `unwrap_angle`"
+        )
+    size = np.abs(steps)
+    least = max(JUMP * float(np.quantile(size, 0.95)), 0.02 * float(np.ptp(values[rows])))
+    there, back = steps[:-1], steps[1:]
+    single = (np.minimum(size[:-1], size[1:]) > least) & (np.abs(there + back) < least)
+    if single.any():
+        lines = ", ".join(str(table.lines[row]) for row in rows[np.flatnonzero(single)[:5] + 1])
+        more = ", ..." if single.sum() > 5 else ""
+        warn(
+            f"{table.path}: {name} jumps for one row in {single.sum()} places, lines {lines}{more}: mend them"
+        )
 
 
 def _refuse_standstill(table: CsvTable, name: str) -> None:
@@ -308,20 +416,32 @@ def _tensions(table: CsvTable, form: LogFormat, warn: Warn) -> tuple[list[str], 
 
 
 def read_windows(
-    path: Path, window_column: str, form: LogFormat | None = None, *, on_warning: Warn | None = None
+    path: Path, window_column: str | None, form: LogFormat | None = None, *, on_warning: Warn | None = None
 ) -> list[Episode]:
     """Read the windows of a measured log, in the order of the file, each as `read_measured_log` does.
 
-    `window_column` has numbers that stay the same throughout a window. `window` in the metadata is that
-    number, `rows` those of the window. The command of one window may stand still.
+    `window_column` has numbers that stay the same throughout a window. Without one, a window begins where the
+    time begins again or has a gap. `window` in the metadata is that number, `rows` those of the window. The
+    command of one window may stand still.
     """
     form = form or LogFormat()
+    warn = _Few(on_warning)
     if window_column in form.columns:
         raise InputError(
             f"window_column = {window_column}: must be a column of its own, not of time, command or angle"
         )
-    table = _log_table(path, form, window_column)
-    numbers = table.column(window_column)
+    if window_column is None:
+        window_column, table = "run", _log_table(path, form)
+        table, time_column, _, unit = _timed(table, form, warn)
+        time = table.column(time_column)
+        steps = np.diff(time)
+        wide = np.flatnonzero(steps > max(GAP * np.median(steps), SHORTEST_PAUSE_S / unit)) + 1
+        numbers = np.zeros(len(time))
+        numbers[[*_run_begins(time)[1:], *wide.tolist()]] = 1
+        numbers = numbers.cumsum()
+    else:
+        table = _log_table(path, form, window_column)
+        numbers = table.column(window_column)
     begins = np.flatnonzero(np.diff(numbers, prepend=np.nan) != 0)
     if len(begins) > MOST_WINDOWS:
         raise InputError(
@@ -329,7 +449,6 @@ def read_windows(
             "read: check `window_column`"
         )
     _refuse_standstill(table, form.command_column)
-    warn = _Few(on_warning)
     episodes = []
     for begin, end in zip(begins.tolist(), [*begins[1:].tolist(), len(numbers)], strict=True):
         window = int(numbers[begin]) if numbers[begin].is_integer() else float(numbers[begin])

@@ -4,9 +4,13 @@ Rows are read by the standard `csv` module, some at a time: a log of many column
 one of few, and a long one no more than its numbers.
 """
 
+import codecs
+import contextlib
 import csv
 import dataclasses
+import datetime
 import itertools
+import re
 from array import array
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -22,7 +26,16 @@ from twin.signals.sensor import LARGEST_PULL_MM, LARGEST_TIME_S
 Array = NDArray[np.float64]
 ANGLE_UNITS = {"deg": np.pi / 180, "rad": 1.0}  # [rad]
 LENGTH_UNITS = {"mm": 1e-3, "m": 1.0}  # [m]
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}  # [s]; `rad` is a phase, played at a rate of its own
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s]; `rad` is a phase, at a rate of its own
+_UNIT_NAMES = {
+    **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("msec", "msecs", "millisec", "milliseconds"), "ms"),
+    **dict.fromkeys(("usec", "usecs", "\xb5s", "\u03bcs", "microsec", "microseconds"), "us"),
+    **dict.fromkeys(("nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"), "ns"),
+    **dict.fromkeys(("degree", "degrees", "\xb0"), "deg"),
+    **dict.fromkeys(("radian", "radians"), "rad"),
+}
+"""Other names of units, in lower case."""
 TIME_COLUMNS = ("time_s", "phase_rad")  # names of the column of the time, the first of which counts
 SECONDS_PER_CYCLE = 20.0
 """Period at which a command with phases instead of times is played [s]: slow, quasi-static."""
@@ -42,9 +55,15 @@ MOST_LATE = 0.1  # largest share of rows that may run backwards in time; a log w
 _CELLS_AT_ONCE = 2**18  # fields that are held as text: about 15 MB
 _OTHER_SEPARATORS = {"|": "bars", " ": "spaces"}
 _PLAIN = b"0123456789.+-eE \t"  # of a number; `float` takes more, such as 1_000 and infinity
-_UTF_16 = ("\udcff\udcfe", "\udcfe\udcff")  # its marks, as bytes that are no UTF-8
+_MARKS = {codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16", codecs.BOM_UTF8: "utf-8-sig"}
+_HEADER_WITHIN = 100  # first lines that a header is looked for in
+_COMMENT = "#"  # begins a line that is no row
 _MOST_TEXTS = 100  # of a column that are no numbers, kept for messages
 _NAMES_SHOWN = 120  # [characters]
+
+
+class MissingColumnError(InputError):
+    """A column that a file does not have."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,11 +73,12 @@ class Column:
     values: Array  # (N,) NaN where the text is no finite number
     wrong: Rows  # (N,) True where the text is neither a finite number nor a missing value
     texts: Mapping[int, str]  # texts of the first wrong rows, by line
+    unit: str = ""  # of a row of units below the header; s of dates, which are seconds since 1970
 
 
 @dataclasses.dataclass(frozen=True)
 class CsvTable:
-    """Columns of a CSV file with a header."""
+    """Columns of a CSV file."""
 
     path: Path  # the file, for messages
     names: tuple[str, ...]  # all column names of the header
@@ -81,13 +101,19 @@ class CsvTable:
             raise InputError(f"{self.path} line {line}: {shown_name(name)} is {found}")
         return column.values.copy()
 
-    def first_of(self, names: Sequence[str]) -> str:
-        """Return the first of some names that is a column of the file."""
-        for name in names:
-            if name in self.names:
-                return name
-        wanted = " or ".join(map(shown_name, names))
-        raise InputError(f"{self.path} has no column {wanted}; {self._its_columns()}")
+    def first_of(self, names: Sequence[str], others: Sequence[str] = ()) -> str:
+        """Return the first of some names that is a column of the file; the others must be columns too.
+
+        One message names all that the file lacks.
+        """
+        found = [name for name in names if name in self.names]
+        lacking = [] if found else [" or ".join(map(shown_name, names))]
+        lacking += [shown_name(name) for name in others if name not in self.names]
+        if lacking:
+            raise MissingColumnError(
+                f"{self.path} has no column {' and no '.join(lacking)}; {self._its_columns()}"
+            )
+        return found[0]
 
     def _its_columns(self) -> str:
         """Return the column names for a message, as many as there is room for."""
@@ -108,10 +134,20 @@ class CsvTable:
     def only(self, rows: Rows | slice) -> "CsvTable":
         """Return the table of the rows selected by a mask (N,) or a slice, with their line numbers."""
         columns = {
-            name: Column(column.values[rows], column.wrong[rows], column.texts)
+            name: dataclasses.replace(column, values=column.values[rows], wrong=column.wrong[rows])
             for name, column in self.columns.items()
         }
         return dataclasses.replace(self, lines=self.lines[rows], columns=columns)
+
+    def filled(self, name: str, values: Array) -> "CsvTable":
+        """Return the table with other values (N,) in a column."""
+        column = dataclasses.replace(self.columns[name], values=values)
+        return dataclasses.replace(self, columns={**self.columns, name: column})
+
+    def moved(self, name: str, by: Array) -> "CsvTable":
+        """Return the table with something added to a column (N,), which then begins at zero."""
+        values = self.column(name)
+        return self.filled(name, values - values[0] + by)
 
     def timed(self, name: str, on_warning: Callable[[str], None] | None = None) -> "CsvTable":
         """Return the rows that have a time; one warning counts the others."""
@@ -138,11 +174,19 @@ class CsvTable:
         return f"{self.path} line {line}: {what}, as in {rows.sum()} of {len(rows)} rows"
 
 
-def read_columns(path: Path, names: Collection[str], what: str = "file") -> CsvTable:
-    """Read columns of a CSV file; blank lines are skipped.
+def read_columns(
+    path: Path,
+    names: Collection[str],
+    what: str = "file",
+    *,
+    times: Collection[str] = (),
+    no_header: bool = False,
+) -> CsvTable:
+    """Read columns of a CSV file; blank lines and comments are skipped.
 
-    The header shows whether commas, semicolons or tabs separate fields. Decimals have a point, or all of them
-    a comma where commas do not separate fields.
+    The header is the line of the first ones that names the most of the columns. It shows whether commas,
+    semicolons or tabs separate fields. Without a header, columns have their numbers as names. Decimals have a
+    point, or all of them a comma where commas do not separate fields. Columns of `times` may hold dates.
     """
     if not path.exists():
         raise MissingFileError(f"no {what} {path}")
@@ -151,42 +195,119 @@ def read_columns(path: Path, names: Collection[str], what: str = "file") -> CsvT
         raise InputError(f"{path} is {kind}: must be a CSV file")
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"{path} has more than {MOST_BYTES >> 30} GiB, the most that is read")
-    lines = _lines(path)
+    lines = _lines(path, _encoding(path))
     blank = 0
-    header = ""
-    for header in lines:
-        if header.strip():
+    first: list[str] = []
+    for text in lines:
+        if text.strip() or first:
+            first.append(text)
+        else:
+            blank += 1  # counted, not kept: there may be millions
+        if len(first) == _HEADER_WITHIN:
             break
-        blank += 1
+    place = _header_place(first, names)
+    header = first[place] if first else ""
     separator = _separator(path, header, names)
-    # The blank lines are counted, not kept: there may be millions.
-    rest = itertools.chain(itertools.repeat("\n", blank), [header] if header.strip() else [], lines)
-    reader = csv.reader(rest, delimiter=separator, strict=True)
+    if no_header:
+        place = 0
+    elif _are_numbers(_fields(header, separator), separator):
+        raise InputError(
+            f"{path} line {blank + place + 1} holds numbers: the file has no header, give `no_header`, and "
+            "columns by their numbers, from 1"
+        )
+    above = itertools.repeat("\n", blank + place)
+    rest = itertools.chain(above, first[place:], lines)
+    reader = csv.reader(
+        ("\n" if line[0] == _COMMENT else line for line in rest), delimiter=separator, strict=True
+    )
     ends = array("q")
     rows = _rows(path, reader, separator, ends)
     columns = next(rows, [])
-    header_names = _checked_names(path, columns)
+    if no_header:
+        rows = itertools.chain([columns], rows)
+        header_names = tuple(str(number + 1) for number in range(len(columns)))
+        ends.insert(0, 0)
+    else:
+        header_names = _checked_names(path, columns)
     places = {name: place for place, name in enumerate(header_names) if name in names}
-    growing = {name: _Growing(separator != ",") for name in places}
+    growing = {name: _Growing(separator != ",", name in times) for name in places}
+    units: dict[str, str] = {}
     while batch := list(itertools.islice(rows, max(_CELLS_AT_ONCE // max(len(columns), 1), 1))):
         if len(ends) > MOST_ROWS + 1:
             line = ends[MOST_ROWS + 1]
             raise InputError(f"{path} line {line}: more than {MOST_ROWS} rows, the most of a log")
+        if len(ends) == len(batch) + 1 and (
+            units := _units_of({n: batch[0][at] for n, at in places.items()})
+        ):
+            del batch[0], ends[1]
         for name, place in places.items():
-            growing[name].add([row[place] for row in batch], ends[-len(batch) :])
+            growing[name].add([row[place] for row in batch], ends[len(ends) - len(batch) :])
     if len(ends) < 2:
         raise InputError(f"{path} holds no lines of data")
     _refuse_two_decimals(path, growing)
-    found = {name: column.finish() for name, column in growing.items()}
+    found = {name: column.finish(units.get(name, "")) for name, column in growing.items()}
     return CsvTable(path, header_names, np.array(ends[1:]), found, sha256_of(path))
 
 
-def _lines(path: Path) -> Iterator[str]:
-    """Yield the lines of a file in UTF-8, with their ends; bytes of other encodings are refused."""
-    # Spreadsheets put a mark before the header, which is no part of the first name.
-    with open(
-        open_regular(path, "a CSV file"), encoding="utf-8-sig", errors="surrogateescape", newline=""
-    ) as file:
+def _are_numbers(fields: Sequence[str], separator: str) -> bool:
+    """Return whether fields are those of a row, not of a header."""
+    return len(fields) > 1 and not np.isnan(_numbers(fields, separator != ",")).any()
+
+
+def column_names(path: Path) -> tuple[tuple[str, ...], bool]:
+    """Return the names of all columns of a file whose names are not known, and whether it has no header.
+
+    The header is the line before the first row of numbers, and of as many fields; a row of units may follow.
+    """
+    first = list(itertools.islice(_lines(path, _encoding(path)), _HEADER_WITHIN))
+    lines = [line for line in first if line.strip() and line[0] != _COMMENT]
+    if not lines:
+        raise InputError(f"{path} holds no lines of data")
+    found = {mark: [_fields(line, mark) for line in lines] for mark in SEPARATORS}
+    mark = max(SEPARATORS, key=lambda mark: _usual_count([len(of) for of in found[mark]]))
+    split = found[mark]
+    row = next((at for at, fields in enumerate(split) if _is_row(fields, mark)), len(lines))
+    if row == 0:
+        return tuple(str(number + 1) for number in range(len(split[0]))), True
+    head = row - 1
+    if head and _units_of(dict(enumerate(filter(None, split[head])))):  # type: ignore[arg-type]
+        head -= 1
+    return tuple(name for name in split[head] if name), False
+
+
+def _usual_count(counts: Sequence[int]) -> int:
+    """Return how many lines have the most frequent number of fields, if that is more than one."""
+    several = [count for count in counts if count > 1]
+    return max(map(several.count, several), default=0)
+
+
+def _is_row(fields: Sequence[str], mark: str) -> bool:
+    """Return whether a line holds a number, and none of its fields is a text, but for dates."""
+    known = [text for text in fields if text.lower() not in MISSING and np.isnan(_seconds(text))]
+    return bool(known) and len(fields) > 1 and not np.isnan(_numbers(known, mark != ",")).any()
+
+
+def _encoding(path: Path) -> str:
+    """Return the encoding of a text: by its mark, else UTF-8, else that of Windows."""
+    with open(open_regular(path, "a CSV file"), "rb") as file:
+        begin = file.read(3)
+        for mark, name in _MARKS.items():
+            if begin.startswith(mark):
+                return name
+        decode = codecs.getincrementaldecoder("utf-8")().decode
+        try:
+            decode(begin)
+            while part := file.read(2**20):
+                decode(part)
+            decode(b"", final=True)
+        except UnicodeDecodeError:
+            return "cp1252"
+    return "utf-8"
+
+
+def _lines(path: Path, encoding: str) -> Iterator[str]:
+    """Yield the lines of a file, with their ends."""
+    with open(open_regular(path, "a CSV file"), encoding=encoding, errors="replace", newline="") as file:
         for number in itertools.count(1):
             line = file.readline(LONGEST_LINE + 1)
             if not line:
@@ -196,22 +317,30 @@ def _lines(path: Path) -> Iterator[str]:
                     f"{path} line {number} has more than {LONGEST_LINE} characters: "
                     f"{path.name:.40} is not a CSV file"
                 )
-            if not line.isascii():
-                if number == 1 and line.startswith(_UTF_16):
-                    raise InputError(f"{path} is not a CSV file in UTF-8: it is in UTF-16, save it as UTF-8")
-                try:
-                    line.encode()
-                except UnicodeEncodeError as error:
-                    raise InputError(
-                        f"{path} is not a CSV file in UTF-8: line {number} holds the byte "
-                        f"0x{ord(line[error.start]) - 0xDC00:02x} of another encoding, save it as UTF-8"
-                    ) from error
             if "\0" in line:
                 raise InputError(
                     f"{path} is not a CSV file: line {number} holds a NUL byte, as binary files do, or text "
-                    "in UTF-16: save it as UTF-8"
+                    "in UTF-16 without a mark: save it as UTF-8"
                 )
             yield line
+
+
+def _header_place(lines: Sequence[str], names: Collection[str]) -> int:
+    """Return which of the first lines is the header: the one with the most names, else the first of text."""
+    found = [
+        0 if line[0] == _COMMENT else max(len({*_fields(line, mark)} & {*names}) for mark in SEPARATORS)
+        for line in lines
+    ]
+    if any(found):
+        return found.index(max(found))
+    return next((at for at, line in enumerate(lines) if line.strip() and line[0] != _COMMENT), 0)
+
+
+def _units_of(texts: Mapping[str, str]) -> dict[str, str]:
+    """Return the units in a row of units, by name; none where one of the texts is no unit."""
+    known = {*ANGLE_UNITS, *LENGTH_UNITS, *TIME_UNITS, "n"}
+    units = {name: _plain_unit(text.strip().strip("[]()")) for name, text in texts.items()}
+    return units if units and known >= {*units.values()} else {}
 
 
 def _separator(path: Path, header: str, names: Collection[str]) -> str:
@@ -246,7 +375,12 @@ def _rows(path: Path, reader: Any, separator: str, ends: "array[int]") -> Iterat
         for row in reader:
             if not row or (len(row) == 1 and not row[0].strip() and columns != 1):
                 continue
-            columns = columns or len(row)
+            if not columns:
+                while len(row) > 1 and not row[-1].strip():
+                    row.pop()  # separators behind the last name
+                columns = len(row)
+            if len(row) > columns and not any(map(str.strip, row[columns:])):
+                del row[columns:]
             if len(row) != columns:
                 hint = ""
                 if len(row) > columns and separator == ",":
@@ -289,7 +423,9 @@ def _checked_names(path: Path, header: list[str]) -> tuple[str, ...]:
 
 
 class _Growing:
-    def __init__(self, may_have_commas: bool) -> None:
+    def __init__(self, may_have_commas: bool, may_have_dates: bool) -> None:
+        self._dates: list[Rows] = []
+        self._may_have_dates = may_have_dates
         self.decimals: dict[str, tuple[int, str]] = {}  # first number with a point, with a comma: its line
         self._commas = may_have_commas
         self._values: list[Array] = []
@@ -298,8 +434,11 @@ class _Growing:
 
     def add(self, texts: list[str], lines: "array[int]") -> None:
         values = _numbers(texts, self._commas)
-        wrong = np.zeros(len(texts), bool)
+        wrong, dates = np.zeros((2, len(texts)), bool)
         for row in np.flatnonzero(np.isnan(values)).tolist():
+            if self._may_have_dates and not np.isnan(second := _seconds(texts[row])):
+                values[row], dates[row] = second, True
+                continue
             wrong[row] = texts[row].strip().lower() not in MISSING
             if wrong[row] and len(self._texts) < _MOST_TEXTS:
                 self._texts[lines[row]] = texts[row][:41]
@@ -312,9 +451,28 @@ class _Growing:
                         break
         self._values.append(values)
         self._wrong.append(wrong)
+        self._dates.append(dates)
 
-    def finish(self) -> Column:
-        return Column(np.concatenate(self._values), np.concatenate(self._wrong), self._texts)
+    def finish(self, unit: str) -> Column:
+        values, wrong = np.concatenate(self._values), np.concatenate(self._wrong)
+        dates = np.concatenate(self._dates)
+        if dates.any():  # a number among them is no time
+            others = ~dates & ~np.isnan(values)
+            values[others], wrong = np.nan, wrong | others
+            unit = "s"
+        return Column(values, wrong, self._texts, unit)
+
+
+def _seconds(text: str) -> float:
+    """Return the seconds since 1970 of a date and time, in UTC where no zone is told; NaN of other texts."""
+    with contextlib.suppress(ValueError, OverflowError):
+        moment = datetime.datetime.fromisoformat(text.strip())
+        zoned = moment if moment.tzinfo else moment.replace(tzinfo=datetime.UTC)
+        return (zoned - _EPOCH).total_seconds()
+    return np.nan
+
+
+_EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 
 
 def _refuse_two_decimals(path: Path, columns: Mapping[str, _Growing]) -> None:
@@ -393,10 +551,25 @@ def column_unit(
         if given not in units:
             raise InputError(f"{parameter} = {given}: must be {valid}")
         return given
-    ending = name.lower().rpartition("_")[2] if "_" in name else ""
-    if ending not in units:
+    unit = table.columns[name].unit or unit_in(name)
+    if unit not in units:
         raise InputError(f"{table.path}: column {name} does not end in its unit: give `{parameter}`, {valid}")
-    return ending
+    return unit
+
+
+def unit_in(name: str) -> str:
+    """Return the unit that the name of a column ends in, as in `pull_mm`, `Pull [mm]` and `stamp.secs`."""
+    in_brackets = re.search(r"[\[(]([^\[\]()]*)[\])]\s*$", name)
+    if in_brackets:
+        return _plain_unit(in_brackets[1])
+    _, mark, ending = re.search(r"(.*?)([_.]?)([^_.]*)$", name).groups()  # type: ignore[union-attr]
+    known = mark == "_" or ending.lower() in _UNIT_NAMES
+    return _plain_unit(ending) if mark and known else ""
+
+
+def _plain_unit(text: str) -> str:
+    word = text.strip().lower()
+    return _UNIT_NAMES.get(word, word)
 
 
 def time_unit_of(

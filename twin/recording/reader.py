@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import zstandard
+from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
@@ -37,7 +38,7 @@ HINT = "; `recover_episode` saves what is before the fault"
 """Hint after the fault of a file that is cut off or damaged."""
 
 MOST_BYTES = 4 * 2**30  # largest file that is read [bytes]
-_LARGEST_FIELD = 256 * MEBIBYTE
+LARGEST_FIELD = 256 * MEBIBYTE
 _MOST_METADATA = 4 * MEBIBYTE
 _BLOCK = 2**20  # [bytes]
 
@@ -100,11 +101,14 @@ class Contents:
         size = chunk.uncompressed_size
         if chunk.compression == "zstd":  # a frame may state another size, which would be allocated
             size = max(size, zstandard.frame_content_size(chunk.data))
-        elif chunk.compression:
-            raise InputError(f"a chunk is compressed by {chunk.compression!r}: only zstd is supported")
+        elif chunk.compression not in ("", "lz4"):
+            raise InputError(f"a chunk is compressed by {chunk.compression!r}: zstd and lz4 are supported")
         self._bytes_left -= size
         if self._bytes_left < 0:
             raise InputError(f"a chunk claims {size} bytes: more than a file of this size may unpack to")
+        if chunk.compression == "lz4":  # a frame may hold more than it claims
+            unpacked = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+            chunk = dataclasses.replace(chunk, compression="", data=unpacked)
         stream, size = get_chunk_data_stream(chunk, validate_crc=True)
         self._add_inner(stream.read(size))
 
@@ -189,6 +193,13 @@ class Contents:
         for topic in sorted(self.topics & TOPICS):
             self.check_schema(topic, SCHEMAS[topic])
 
+    def format_of(self, topic: str) -> tuple[str, Schema | None]:
+        """Return the encoding of the messages of a topic, and their schema if they have one."""
+        channels = [channel for channel in self._channels.values() if channel.topic == topic]
+        if len({(channel.message_encoding, channel.schema_id) for channel in channels}) > 1:
+            raise InputError(f"topic {topic} has messages of more than one type")
+        return channels[0].message_encoding, self._schemas.get(channels[0].schema_id)
+
     def check_schema(self, topic: str, kind: Any) -> None:
         """Refuse a topic whose messages are not Protobuf messages of a class."""
         wanted = kind.DESCRIPTOR.full_name
@@ -226,7 +237,7 @@ class _Bytes:
     def read(self, size: int) -> bytes:
         if size > self._left:
             raise EOFError(f"a record claims {size} bytes: {self._left} are left")
-        if not 0 <= size <= _LARGEST_FIELD:
+        if not 0 <= size <= LARGEST_FIELD:
             raise InputError(f"a field claims {size} bytes")
         self._left -= size
         return self._file.read(size)
