@@ -34,7 +34,7 @@ class Calibrate(Options):
     """Change parameters of that preset: NAME=VALUE ..., in its SI units."""
     free: tuple[str, ...] = ()
     """Parameters to fit; if not given, those that the logs can determine."""
-    starts: int = 8
+    starts: int = 9
     """Starts of the search; with more of them a better valley may be found."""
     fraction: float = 1.0
     """Share of each log, from its start, that is fitted; the rest is predicted. Of a file of windows (`import
@@ -101,6 +101,8 @@ def run_calibration(args: Calibrate) -> Summary:
     remove_state(state_file, STATE)
     for warning in values["warnings"]:
         complain(f"warning: {warning}")
+    for condition in values["conditions"]:
+        complain(f"note: {condition}")
     errors = ", ".join(map(log_summary, values["logs"]))
     return Summary(f"{out}: {errors}", {"out": str(out), **values})
 

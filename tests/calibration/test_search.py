@@ -70,7 +70,7 @@ def test_interrupted_calibration_ends_as_an_undisturbed_one(problem, whole, tmp_
 
 
 def test_a_fit_that_mujoco_cannot_follow_is_that_of_the_reduced_twin(problem, whole, monkeypatch):
-    monkeypatch.setattr(search, "predict", lambda presets, logs: [[None] * len(logs) for _ in presets])
+    monkeypatch.setattr(search, "predict", lambda presets, logs, *_: [[None] * len(logs) for _ in presets])
     fit = calibrate(*problem, seed=3, starts=2)
     assert fit.unconfirmed.startswith(f"the twin diverges in MuJoCo along {problem[1][0].name}")
     for name in fit.free.names:

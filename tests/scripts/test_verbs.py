@@ -155,7 +155,10 @@ def mistakes(workspace, tmp_path_factory):
         ("identify cut --out x.json", "cut/episode.mcap is cut off"),
         ("identify table.mcap --out x.json", "table.mcap is not an MCAP file"),
         ("generate --command-csv nan.csv --out x", "nan.csv line 3: pull_mm"),
-        ("import nan.csv --out x", "nan.csv has no column command_deg and no angle_deg; its columns: time_s, pull_mm"),
+        (
+            "import nan.csv --out x",
+            "nan.csv has no column command_deg and no angle_deg; its columns: time_s, pull_mm",
+        ),
         (
             "import nan.csv --command-column pull_mm --angle-column pull_mm --out x",
             "nan.csv: pull_mm is 0 in every row: a log without motion",

@@ -20,6 +20,7 @@ from twin.calibration.logs import (
     measured_loop,
     thinned,
 )
+from twin.calibration.objective import bend_errors, offsets_taken_off, predict
 from twin.calibration.search import Fit, steady
 from twin.calibration.uncertainty import Uncertainty, likely_ranges, uncertainty
 from twin.episode import Episode
@@ -29,6 +30,7 @@ from twin.files.shown import cut, printable
 from twin.hysteresis.width import without_hysteresis
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
+from twin.preset.sensor import KEY, SensorModel
 from twin.recording import read_dataset
 from twin.report.figures import to_png_bytes
 
@@ -41,11 +43,18 @@ def fit_report(fit: Fit, known: Uncertainty, logs: Sequence[Compared], seed: int
         "reduced_cost": fit.reduced_cost,
         "optimizer": "trust-region least squares from many starts on the reduced twin, corrected in MuJoCo",
         "seed": seed,
-        "logs": [_of_log(log) for log in logs],
+        "logs": [_of_log(log, fit.preset.sensor_zero) for log in logs],
         "parameters": {
-            name: {"value": getattr(fit.preset, name), "standard_deviation": sd if np.isfinite(sd) else None}
+            name: {
+                "value": getattr(fit.preset, name),
+                "standard_deviation": _finite(known.total[name]),
+                "standard_deviation_with_the_others_fixed": _finite(sd),
+            }
             for name, sd in known.deviation.items()
         },
+        "fixed": {name: getattr(fit.preset, name) for name in fit.fixed},
+        "conditions": list(known.conditions),
+        "sensor": SensorModel.of(fit.preset).to_dict(),
         "warnings": [
             *([fit.unconfirmed] if fit.unconfirmed else []),
             *without_hysteresis((of.loop.name, of.loop.episode.pull, of.loop.episode.bend) for of in logs),
@@ -55,7 +64,11 @@ def fit_report(fit: Fit, known: Uncertainty, logs: Sequence[Compared], seed: int
     }
 
 
-def _of_log(log: Compared) -> dict[str, Any]:
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _of_log(log: Compared, zero: float) -> dict[str, Any]:
     loop, episode = log.loop, log.episode
     values: dict[str, Any] = {
         "name": loop.name,
@@ -64,7 +77,8 @@ def _of_log(log: Compared) -> dict[str, Any]:
     for plane, errors in enumerate(log.errors):
         prefix = "lateral_" if plane else ""
         known = loop.offset and errors[TWIN] is not None
-        values[f"{prefix}offset_deg"] = float(np.degrees(log.offsets[plane])) if known else None
+        offset = (0.0 if plane else zero) - log.offsets[plane]  # reading = angle + offset
+        values[f"{prefix}offset_deg"] = float(np.degrees(offset)) if known else None
         for name, error in errors.items():
             whose = prefix if name == TWIN else f"{prefix}{name.replace('-', '_')}_"
             values |= {f"{whose}{key}": value for key, value in errors_deg(error, loop).items()}
@@ -145,6 +159,7 @@ def write_fit(
     with contextlib.suppress(DivergedError):  # the report states along which log
         fit = dataclasses.replace(fit, preset=steady(fit.preset, shown))
     known = uncertainty(fit)
+    fit = dataclasses.replace(fit, preset=with_sensor(fit, loops, known))
     write_whole(out, preset_yaml(fit.preset, likely_ranges(fit, known), [loop.name for loop in loops]))
     logs = compare(fit.preset, shown, seed, rivals)
     values = fit_report(fit, known, logs, seed) | ({"origin": dict(origin)} if origin else {})
@@ -154,6 +169,29 @@ def write_fit(
     return values
 
 
+def with_sensor(fit: Fit, loops: Sequence[MeasuredLoop], known: Uncertainty) -> Preset:
+    """Return a fitted preset with the zero, the noise and the rate of the sensor of measured logs.
+
+    Logs of one mounting share a zero: it is the mean of theirs, as uncertain as they differ.
+    """
+    preset, measured = fit.preset, [loop for loop in loops if loop.offset and loop.reading_step]
+    if not measured:
+        return preset
+    episodes = predict([preset], measured, "reduced" if fit.unconfirmed else "mujoco")[0]
+    offsets = offsets_taken_off(
+        [bend_errors(episode, loop) for episode, loop in zip(episodes, measured, strict=True)], measured
+    )
+    each = np.array([float(of[0]) for of in offsets])
+    spread = float(np.std(each, ddof=1)) if len(each) > 1 else 0.0
+    steps = {loop.reading_step for loop in measured if loop.timed}
+    return preset.replace(
+        sensor_zero=preset.sensor_zero - float(each.mean()),
+        sensor_zero_deviation=float(np.hypot(spread, np.nan_to_num(known.zero_deviation))),
+        sensor_noise=float(np.sqrt(np.mean([loop.reading_noise[0] for loop in measured]))),
+        sensor_period=min(steps) if steps else preset.sensor_period,
+    )
+
+
 def report_files(out: Path) -> tuple[Path, Path]:
     """Return the report and the figure that go with a calibrated preset."""
     return out.with_name(f"{out.stem}_fit.json"), out.with_name(f"{out.stem}_fit.png")
@@ -161,11 +199,19 @@ def report_files(out: Path) -> tuple[Path, Path]:
 
 def preset_yaml(preset: Preset, ranges: Ranges, logs: Sequence[str]) -> str:
     """Return a calibrated preset as YAML, with the uncertainty of the fit as its ranges."""
-    values = {name: value for name, value in preset.to_dict().items() if name != "name"}
-    rounded = {name: float(f"{values[name]:.6g}") for name, _, _ in ranges.limits}
+    sensor = SensorModel.of(preset)
+    values = {
+        name: value
+        for name, value in preset.to_dict().items()
+        if name != "name" and name not in sensor.parameters()
+    }
+    rounded = {name: float(f"{values[name]:.6g}") for name, _, _ in ranges.limits if name in values}
+    stated = {name: float(f"{value:.6g}") for name, value in sensor.to_dict().items()}
     named_logs = cut(", ".join(logs), 400)
     head = f"# Calibrated by `endotwin calibrate` on {named_logs}. SI units; see twin/preset/preset.py.\n"
-    return head + yaml.safe_dump(values | rounded | {"ranges": ranges.to_dict()}, sort_keys=False)
+    return head + yaml.safe_dump(
+        values | rounded | {KEY: stated, "ranges": ranges.to_dict()}, sort_keys=False
+    )
 
 
 def log_summary(log: dict[str, Any]) -> str:

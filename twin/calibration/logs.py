@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from twin.episode import Episode
 from twin.errors import InputError
 from twin.preset.preset import Preset
+from twin.signals.sensor import estimated_variance
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,8 @@ USUAL_SAMPLES = 900  # that a calibration compares by default
 LONGEST_PERIODS = 10  # between two samples, in control periods, where as many were recorded
 BETWEEN = 4  # most samples for each that was recorded seldom: models of hysteresis step finely enough then
 FEWEST = 40  # samples of such a log
+AVERAGED = np.radians(0.1) ** 2  # noise above which readings are averaged; at corners that blurs as much
+_PLACES = 8  # of a mean
 SIMULATED_SECONDS_PER_CYCLE = 8.0
 """Simulated period of a log that has phases instead of times [s]: quasi-static, and quick to simulate."""
 
@@ -43,6 +46,8 @@ class MeasuredLoop:
     timed: bool = False  # whether its times were recorded; a log of phases has none
     # error of each channel that costs 1, angles before tensions, (C,) [rad, N]; (0,) for the usual ones
     scales: Array = dataclasses.field(default_factory=lambda: np.empty(0))
+    reading_noise: tuple[float, ...] = ()  # variance of a reading of each angle, as estimated [rad^2]
+    reading_step: float = 0.0  # time between two readings [s]
     origin: str | None = None  # of a window, the file that it was cut from; see `file_of_window`
 
     @property
@@ -54,6 +59,13 @@ class MeasuredLoop:
     def tension(self) -> Array:
         """Measured tension of wires a and b at the pulley, (N, 2) [N]; (N, 0) without load cells."""
         return self.episode.wire_tension[:, :2, 0:1].reshape(len(self.episode.time), -1)
+
+    @property
+    def noise(self) -> Array:
+        """Variance of the noise of each angle, after averaging, (planes,) [rad^2]; (0,) if unknown."""
+        noise = np.array(self.reading_noise)
+        readings = self.sample_time / self.reading_step if self.reading_step else 0.0
+        return np.where(noise > AVERAGED, noise / readings, noise) if readings > 2 else noise
 
     @property
     def sheath_bend(self) -> float | None:
@@ -124,6 +136,8 @@ def measured_loop(
     if pulled and not episode.lateral_bend.size:
         raise InputError(f"{name}: wires c and d are pulled, but the angle in their plane was not measured")
     time = (episode.time - episode.time[0]) / speed
+    steps = np.diff(time)
+    step = float(steps[steps < 1.5 * np.median(steps)].mean())  # no gaps
     if time[-1] < sample_time:  # a grid has two samples at least
         raise InputError(f"{name}: {time[-1]:.3g} s at the pace of {speed:g}: shorter than a sample")
     even = dataclasses.replace(episode, time=time).resampled(sample_time, "interpolate")
@@ -135,9 +149,13 @@ def measured_loop(
             f"{name}: {fitted.sum()} measured samples of {sample_time:g} s to fit, at the pace of {speed:g}: "
             f"needs at least {FEWEST_FITTED}"
         )
-    bend = np.interp(even.time, even.time[seen], even.measured_bend[seen])
     pull, tension = even.pull, even.wire_tension[:, :2, 0:1].reshape(count, -1)
-    lateral_pull, lateral_bend = even.lateral_pull, even.lateral_bend
+    readings = [of for of in (episode.measured_bend, episode.lateral_bend) if of.size]
+    noise = np.nan_to_num([estimated_variance(of) for of in readings])
+    widths = np.where((noise > AVERAGED) & (step < sample_time / 2), sample_time, 0.0)
+    bends = [_averaged(time, of, even.time, width) for of, width in zip(readings, widths, strict=True)]
+    bend, lateral_bend = (*bends, even.lateral_bend)[:2]
+    lateral_pull = even.lateral_pull
     for what, parts in (
         ("command", (pull, lateral_pull)),
         ("angle", (bend, lateral_bend)),
@@ -156,11 +174,21 @@ def measured_loop(
     if tension.size and np.ptp(tension) < LEAST_TENSION:
         raise InputError(f"{name}: the tensions do not change: import it without them")
     return MeasuredLoop(
-        *(name, dataclasses.replace(even, bend=bend), fitted, seen),
+        *(name, dataclasses.replace(even, bend=bend, lateral_bend=lateral_bend), fitted, seen),
         offset=episode.is_measured,
         timed=episode.is_measured and not episode.metadata.get("seconds_per_cycle"),
+        reading_noise=tuple(noise.tolist()),
+        reading_step=step,
         origin=file_of_window(episode),
     )
+
+
+def _averaged(time: Array, reading: Array, grid: Array, width: float) -> Array:
+    """Return the means of readings (N,) over a width at a grid [s], linear between those that are known."""
+    known = np.isfinite(reading)
+    places = grid[:, None] + width * ((np.arange(_PLACES) + 0.5) / _PLACES - 0.5)
+    mean: Array = np.interp(places, time[known], reading[known]).mean(axis=1)
+    return mean
 
 
 def file_of_window(episode: Episode) -> str | None:

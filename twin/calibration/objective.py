@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -28,7 +29,8 @@ def predict(
 ) -> list[list[Episode | None]]:
     """Simulate every candidate along every log; returns (candidates, logs), None where one failed.
 
-    The wires are wound up in the sheath as it is bent in that log.
+    The wires are wound up in the sheath as it is bent in that log. Angles are as the sensor reads them,
+    without its noise.
     """
     pairs = [
         (preset if loop.sheath_bend is None else preset.replace(sheath_bend=loop.sheath_bend), loop)
@@ -44,8 +46,21 @@ def predict(
         physics=physics,
         threads=threads,
     )
+    read = [_as_read(*pair) for pair in zip(episodes, (preset for preset, _ in pairs), strict=True)]
     count = len(loops)
-    return [episodes[start : start + count] for start in range(0, len(pairs), count)]
+    return [read[start : start + count] for start in range(0, len(pairs), count)]
+
+
+def _as_read(episode: Episode | None, preset: Preset) -> Episode | None:
+    """Return an episode with its angles as a sensor reads them, whose zero is that of the first plane."""
+    lag, scale, zero = preset.sensor_latency, preset.sensor_scale, preset.sensor_zero
+    if episode is None or (lag == 0 and scale == 1 and zero == 0):
+        return episode
+    bend, lateral = (
+        scale * np.interp(episode.time - lag, episode.time, angle) if angle.size else angle
+        for angle in (episode.bend, episode.lateral_bend)
+    )
+    return dataclasses.replace(episode, bend=bend + zero, lateral_bend=lateral)
 
 
 def residuals(
@@ -113,9 +128,16 @@ def channels(loops: Sequence[MeasuredLoop]) -> list[list[slice]]:
     return places
 
 
-def prior_weight(cost: float) -> float:
-    """Return the weight of the first guess for a fit of this cost: `PRIOR` at most."""
-    return PRIOR * min(1.0, cost / COMMON_COST) ** 2
+def prior_weight(cost: float, loops: Sequence[MeasuredLoop]) -> float:
+    """Return the weight of the first guess for a fit of this cost: `PRIOR` at most.
+
+    What noise leaves is explained. It determines the least weight: that of a prior next to the likelihood.
+    """
+    noise = float(sum(loop.noise.sum() for loop in loops) / BEND_SCALE**2)
+    unexplained = max(cost - noise, 0.0)
+    samples = sum(np.count_nonzero(loop.fitted) for loop in loops)
+    least = math.sqrt(noise / max(int(samples), 1))
+    return min(PRIOR, max(PRIOR * (unexplained / COMMON_COST) ** 2, least))
 
 
 def bend_errors(episode: Episode | None, loop: MeasuredLoop) -> list[Array]:
@@ -149,6 +171,16 @@ def offsets_taken_off(errors: Sequence[Sequence[Array]], loops: Sequence[Measure
         np.zeros(loop.planes) if offset is None else offset - shared
         for loop, offset, shared in zip(loops, offsets, shared_offsets(offsets, loops), strict=True)
     ]
+
+
+def mean_offset(episodes: Sequence[Episode | None], loops: Sequence[MeasuredLoop]) -> float:
+    """Return the mean offset in the first plane of fitted logs whose zero is not known [rad]; 0 of none."""
+    errors = [bend_errors(episode, loop) for episode, loop in zip(episodes, loops, strict=True)]
+    taken_off = offsets_taken_off(errors, loops)
+    of_logs = [
+        float(off[0]) for off, loop in zip(taken_off, loops, strict=True) if loop.offset and loop.fitted.any()
+    ]
+    return float(np.mean(of_logs)) if of_logs else 0.0
 
 
 def shared_offsets(offsets: Sequence[Array | None], loops: Sequence[MeasuredLoop]) -> list[Array]:

@@ -24,10 +24,15 @@ FROM_NOTHING = {
     "sheath_friction_growth": 0.5,
     "backlash": 1e-4,
     "wire_slack": 2e-4,
-    "servo_gain": 20.0,
+    "servo_gain": 100.0,
     "command_delay": 0.02,
+    "sensor_latency": 0.03,
 }
 """Values of parameters that the preset has at zero, where a search by logarithm cannot begin."""
+
+
+SPARED = ("servo_gain", "initial_bend", "lateral_initial_bend")
+"""Parameters that stay as in the preset unless the logs need them: a delay and an offset look like them."""
 
 
 def first_guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]:
@@ -148,6 +153,13 @@ class FreeParameters:
             for name, d in zip(self.names, deviation, strict=True)
         }
 
+    def without(self, name: str) -> "FreeParameters":
+        """Return the parameters without one of them, which stays as the preset to start from had it."""
+        base = self.base
+        if getattr(base, name) == FROM_NOTHING.get(name):
+            base = base.replace(**{name: 0.0})
+        return FreeParameters(base, tuple(other for other in self.names if other != name))
+
     def _limits(self, side: int) -> Array:
         limits, inner = [], (max, min)[side]
         for name, start in zip(self.names, self.start, strict=True):
@@ -164,11 +176,15 @@ def structures(
 ) -> list[FreeParameters]:
     """Return the sets of parameters that logs may be fitted by: of `free_parameters`, and `with_slack`.
 
-    Load cells distinguish slack wires from wound ones, and a user who names parameters has chosen.
+    Load cells distinguish slack wires from wound ones, and a user who names parameters has chosen. Without
+    them, a search also begins at the preset's own offset of the wires: of elastic wires, the guess from the
+    logs is too large.
     """
     free = free_parameters(base, loops, names)
-    chosen = names is not None or any(loop.tension.size for loop in loops)
-    return [free] if chosen else [free, with_slack(free)]
+    if names is not None or any(loop.tension.size for loop in loops):
+        return [free]
+    own = FreeParameters(free.base.replace(wire_offset=base.wire_offset), free.names)
+    return [free, own, with_slack(free)]
 
 
 def free_parameters(
@@ -178,9 +194,12 @@ def free_parameters(
 
     Without load cells the scale of all forces is not in the data: the stiffness of the section then stays and
     sets it. How friction grows with the bend of the sheath needs logs at two bends, its exponent at three.
-    Delay and lag of the drive are in logs whose times were recorded.
+    Delays and the lag of the drive are in logs whose times were recorded. Load cells separate a delay of the
+    drive, which tensions have too, from the lag of the sensor. Without them their sum is fitted as the lag of
+    the sensor or, where the preset states that lag, as the delay of the drive.
     """
     has_tension = any(loop.tension.size for loop in loops)
+    timed = any(loop.timed for loop in loops)
     bends = {round(loop.sheath_bend, 6) for loop in loops if loop.sheath_bend is not None}
     if any(loop.episode.lateral_pull.size for loop in loops):
         base = base.replace(bending_planes=2)
@@ -190,8 +209,9 @@ def free_parameters(
             "sheath_friction_growth": len(bends) > 1,
             "sheath_friction_exponent": len(bends) > 2,
             "lateral_initial_bend": base.bending_planes == 2,
-            "servo_gain": any(loop.timed for loop in loops),
-            "command_delay": any(loop.timed for loop in loops),
+            "servo_gain": timed,
+            "command_delay": timed and (has_tension or base.sensor_latency > 0),
+            "sensor_latency": timed and base.sensor_latency == 0,
         }
         names = [name for name in DEFAULT if needs.get(name, True)]
     for name in names:
@@ -238,6 +258,7 @@ DEFAULT = (
     "sheath_friction_exponent",
     "servo_gain",
     "command_delay",
+    "sensor_latency",
 )
 """Parameters that can be identified from loops at several sheath bends with measured tensions."""
 _NOT_PHYSICAL = (

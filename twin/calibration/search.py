@@ -21,11 +21,20 @@ from twin.calibration.descent import (
     descend,
     parameter_along,
     smoothed_jacobian,
+    variance_of,
     walk,
 )
 from twin.calibration.logs import MeasuredLoop
-from twin.calibration.objective import PRIOR, penalised, predict, prior_weight, residuals, weighed
-from twin.calibration.parameters import FreeParameters
+from twin.calibration.objective import (
+    PRIOR,
+    mean_offset,
+    penalised,
+    predict,
+    prior_weight,
+    residuals,
+    weighed,
+)
+from twin.calibration.parameters import DEFAULT, SIGNED, SPARED, FreeParameters
 from twin.errors import DivergedError, InputError
 from twin.files.bounds import check_between
 from twin.files.state_file import damaged_state, read_state, state_key, write_state
@@ -104,6 +113,11 @@ class Fit:
     # points that walks met near the fit of the reduced twin, (K, 1 + P): rise of the cost, and distance in
     # the search space
     neighbours: Array = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
+    # parameters that are not fitted, although the motion depends on them, and derivatives with respect to
+    # them, (R, F), and those of the sensor's zero with respect to the fitted and to these, (P + F,) [rad]
+    fixed: tuple[str, ...] = ()
+    fixed_jacobian: Array = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
+    zero_slope: Array = dataclasses.field(default_factory=lambda: np.empty(0))
     # why the fit is that of the reduced twin alone, if it is; its costs and residuals are that twin's too
     unconfirmed: str = ""
 
@@ -179,13 +193,38 @@ def steady(preset: Preset, loops: Sequence[MeasuredLoop]) -> Preset:
     )
 
 
+PROBE = 0.02  # of a parameter on the scale of the search, to either side
+
+
+def with_fixed_parameters(fit: Fit, loops: Sequence[MeasuredLoop]) -> Fit:
+    """Return a fit with the parameters that were not fitted, and what depends on them."""
+    two_planes = fit.preset.bending_planes == 2
+    fixed = tuple(
+        name
+        for name in (*DEFAULT, "sheath_friction")
+        if name not in fit.free.names
+        and (two_planes or not name.startswith("lateral"))
+        and (name in SIGNED or getattr(fit.preset, name) > 0)
+    )
+    names = (*fit.free.names, *fixed)
+    free = FreeParameters(fit.preset, names)
+    ends = [free.decode(free.start + side * PROBE * row) for side in (1, -1) for row in np.eye(len(names))]
+    off = residuals(ends, loops, "reduced")
+    zeros = -np.array([mean_offset(episodes, loops) for episodes in predict(ends, loops, "reduced")])
+    slope, of_zero = ((of[: len(names)] - of[len(names) :]) / (2 * PROBE) for of in (off, zeros))
+    return dataclasses.replace(
+        fit, fixed=fixed, fixed_jacobian=slope[len(fit.free.names) :].T, zero_slope=of_zero
+    )
+
+
 SCREENED = 40  # candidates that are tried for each start of least squares
-STARTS = 8  # starts of least squares: valleys are many, and the best one by the fitted samples is taken
+STARTS = 9  # starts of least squares: valleys are many, and the best one by the fitted samples is taken
 FINISHED = 2  # the best starts, which are followed to the bottom
 LOWER = 0.9999  # share of the cost below which another valley is lower
 TURNS = 3  # most times that the first guess is given less weight, where the logs leave little unexplained
 SPREAD = 0.6  # of the candidates about the first guess: a factor of 1.8 on the scale of the search
 WALK = 4  # stages of a walk: to the bottom, to either side, and to where it lands
+STRONG = 6.0  # difference of the information criterion that is strong evidence
 STEPS, MOST_STEPS = 12, 60  # of a start, and of one that is finished
 USUAL_STEPS, USUAL_WALK, TRIALS = 15, 6, 8  # of one finished, of a walk to a side; simulations that are timed
 MOST_STARTS = 1000
@@ -210,7 +249,7 @@ def calibrate(
     if not loops:
         raise InputError("no log to calibrate on")
     check_effort(starts, seed)
-    count = len(structures) + starts + min(FINISHED, starts) + TURNS + WALK * len(STRIDES) + 1
+    count = len(structures) + starts + min(FINISHED, starts) + TURNS + len(SPARED) + WALK * len(STRIDES) + 1
     key = _key(structures, loops, seed, starts) if state_file else ""
     stages = Stages(count, state_file, key, on_progress)
     search = _Search(structures, loops, starts, stages)
@@ -222,11 +261,14 @@ def calibrate(
     free, weight = structures[which], PRIOR
     for turn in range(TURNS):
         left = float((residuals([free.decode(numbers)], loops, "reduced") ** 2).sum())
-        if prior_weight(left) < 0.8 * weight:
-            weight = prior_weight(left)
+        if prior_weight(left, loops) < 0.8 * weight:
+            weight = prior_weight(left, loops)
             cost, _, numbers = search.descend(f"turn {turn}", [(which, numbers)], MOST_STEPS, weight)[0]
         else:
             stages.finish(cost)
+    for name in SPARED:
+        which, cost, numbers = search.spare(name, which, cost, numbers, weight)
+    free = search.structures[which]
     if weight < PRIOR:
         for number in range(len(STRIDES)):
             left_of = residuals([free.decode(numbers)], loops, "reduced")[0]
@@ -243,7 +285,8 @@ def calibrate(
         counted=loops,
     )
     stages.finish(cost)
-    return dataclasses.replace(fit, neighbours=search.neighbours(which, numbers, weight))
+    fit = dataclasses.replace(fit, neighbours=search.neighbours(which, numbers, weight))
+    return with_fixed_parameters(fit, search.loops)
 
 
 def check_effort(starts: int, seed: int) -> None:
@@ -273,15 +316,15 @@ class _Search:
     def __init__(
         self, structures: Sequence[FreeParameters], loops: Sequence[MeasuredLoop], starts: int, stages: Stages
     ) -> None:
-        self._structures, self._starts, self._stages = structures, starts, stages
+        self.structures, self._starts, self._stages = [*structures], starts, stages
         self.loops = list(loops)
         self._met: list[Array] = []
 
     def screen(self, rng: np.random.Generator) -> list[tuple[int, Array]]:
         """Return the best of random candidates: which structure, and where."""
         begun: list[tuple[int, Array]] = []
-        for which, free in enumerate(self._structures):
-            share = len(range(which, self._starts, len(self._structures)))
+        for which, free in enumerate(self.structures):
+            share = len(range(which, self._starts, len(self.structures)))
             drawn = rng.normal(size=(max(share * SCREENED, 1), len(free.names)))
             drawn[0] = 0.0
             candidates = np.clip(free.start + SPREAD * drawn, free.lower, free.upper)
@@ -309,7 +352,7 @@ class _Search:
                 f"{stage} {number}",
                 (len(start) + 1,),
                 lambda: descend(
-                    self._structures[which],
+                    self.structures[which],
                     self.loops,
                     start,
                     steps,
@@ -323,9 +366,32 @@ class _Search:
 
         return self._stages.side_by_side(reach, range(len(begun)), lambda reached: reached[0])
 
+    def spare(
+        self, name: str, which: int, cost: float, numbers: Array, weight: float
+    ) -> tuple[int, float, Array]:
+        """Return structure, cost and place of the fit without a parameter, if the logs do not need it.
+
+        They do on strong evidence: if the fit without it is worse by 6 in the Bayesian information criterion
+        (Schwarz 1978; Kass and Raftery 1995).
+        """
+        free = self.structures[which]
+        if name not in free.names or not any(loop.offset for loop in self.loops):
+            self._stages.finish(cost)
+            return which, cost, numbers
+        place = free.names.index(name)
+        self.structures.append(free.without(name))
+        rest = len(self.structures) - 1
+        ((then, _, found),) = self.descend(
+            f"without {name}", [(rest, np.delete(numbers, place))], MOST_STEPS, weight
+        )
+        left = residuals([free.decode(numbers)], self.loops, "reduced")[0]
+        if then - cost > variance_of(left, len(numbers)) * (np.log(len(left)) + STRONG):
+            return which, cost, numbers
+        return rest, then, found
+
     def walk(self, number: int, which: int, numbers: Array, weight: float) -> tuple[float, Array]:
         """Return the cost and place of the lowest valley that a walk to both sides finds, or of this one."""
-        free = self._structures[which]
+        free = self.structures[which]
         name = parameter_along(free)
         ((cost, _, numbers),) = self.descend(f"bottom {number}", [(which, numbers)], MOST_STEPS, weight)
         if name is None:
@@ -351,7 +417,7 @@ class _Search:
 
     def neighbours(self, which: int, numbers: Array, weight: float) -> Array:
         """Return `Fit.neighbours`: of the points that walks met, the lowest within each shortest stride."""
-        free = self._structures[which]
+        free = self.structures[which]
         name = parameter_along(free)
         if not self._met or name is None:
             return np.empty((0, 1 + len(numbers)))

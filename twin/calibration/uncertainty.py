@@ -18,38 +18,78 @@ BLIND = 3.0  # above which it counts as unknown: a factor of 20
 ENTANGLED = 0.98  # correlation above which two parameters are known only in combination
 
 
+FIXED = 0.3  # standard deviation of a positive parameter that is not fitted, on the scale of the search
+SHARED = 1.5  # times by which a fixed parameter widens an uncertainty that is then stated to depend on it
+
+
 @dataclasses.dataclass(frozen=True)
 class Uncertainty:
     """Standard deviations and correlations of fitted parameters."""
 
-    deviation: dict[str, float]  # standard deviation of each parameter by name, in its own unit
+    # standard deviation of each parameter by name, in its own unit: with those that are not fitted fixed, and
+    # in all, with these uncertain by 30 % or, where they may be negative, by a step of the search
+    deviation: dict[str, float]
+    total: dict[str, float]
     correlation: Array  # correlation of the estimates, (P, P)
+    zero_deviation: float  # of the sensor's zero in all [rad]; NaN if it is not known
     warnings: tuple[str, ...]  # one sentence for each parameter or pair that the logs do not determine
+    conditions: tuple[str, ...]  # one sentence for each parameter that is known only by a fixed one
 
 
 def uncertainty(fit: Fit) -> Uncertainty:
     """Estimate standard deviations and correlations by linearised least squares.
 
     The covariance is s^2 (J^T J)^-1 (Seber and Wild 1989), with s^2 of `variance_of`, and more where a walk
-    met valleys that explain the logs too: `_between`.
+    met valleys that explain the logs too: `_between`. In all, parameters that are not fitted are treated as
+    fitted ones with a prior.
     """
-    free = fit.free
+    free, count = fit.free, len(fit.free.names)
     finite = np.isfinite(fit.jacobian).all(axis=0)
     residual, jacobian = fit.residual, np.where(finite, fit.jacobian, 0.0)
     variance = variance_of(residual, jacobian.shape[1])
     covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12) * variance
-    if fit.neighbours.size and variance > 0:
-        covariance += _between(fit.neighbours, jacobian, variance)
+    everything = covariance
+    if fit.fixed and variance > 0:
+        both = np.hstack([jacobian, fit.fixed_jacobian])
+        prior = np.array([0.0] * count + [1.0 if name in SIGNED else FIXED**-2 for name in fit.fixed])
+        everything = np.linalg.pinv(both.T @ both / variance + np.diag(prior), rcond=1e-12)
+    slope = fit.zero_slope[: len(everything)]
+    zero_deviation = float(np.sqrt(slope @ everything @ slope)) if slope.size else np.nan
+    between = _between(fit.neighbours, jacobian, variance) if fit.neighbours.size and variance > 0 else 0.0
+    covariance, in_all = covariance + between, everything[:count, :count] + between
     blind = np.abs(jacobian).max(axis=0) < 1e-9  # no residual feels the parameter
     covariance[blind] = covariance[:, blind] = 0.0
-    deviation = np.where(blind, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    deviation, total = (
+        np.where(blind, np.inf, np.sqrt(np.maximum(np.diag(of), 0.0))) for of in (covariance, in_all)
+    )
+    total = np.maximum(total, deviation)
     scale = np.where(np.isfinite(deviation) & (deviation > 0), deviation, 1.0)
     correlation = covariance / np.outer(scale, scale)
     return Uncertainty(
         free.standard_deviation(fit.preset, deviation),
+        free.standard_deviation(fit.preset, total),
         correlation,
+        zero_deviation,
         tuple(_warnings(fit, free, deviation, correlation)),
+        tuple(_conditions(fit, deviation, total, everything)),
     )
+
+
+def _conditions(fit: Fit, deviation: Array, total: Array, everything: Array) -> list[str]:
+    """Return what the logs determine only together with a parameter that is not fitted, for each of these."""
+    count, found = len(fit.free.names), dict[str, list[str]]()
+    alone, all_of = (fit.free.standard_deviation(fit.preset, of) for of in (deviation, total))
+    for place, name in enumerate(fit.free.names):
+        if fit.fixed and np.isfinite(deviation[place]) and total[place] > SHARED * deviation[place]:
+            shared = np.abs(everything[place, count:]) / np.sqrt(np.diag(everything)[count:])
+            value = getattr(fit.preset, name)
+            found.setdefault(fit.fixed[int(shared.argmax())], []).append(
+                f"{name} {value:.3g} +- {alone[name]:.2g} ({all_of[name]:.2g} in all)"
+            )
+    return [
+        f"with {of} fixed at {getattr(fit.preset, of):.4g}: {', '.join(what)}; the logs cannot separate them"
+        for of, what in found.items()
+    ]
 
 
 def _between(neighbours: Array, jacobian: Array, variance: float) -> Array:
@@ -74,6 +114,8 @@ def likely_ranges(fit: Fit, known: Uncertainty) -> Ranges:
     """
     ranges = []
     for name in fit.free.names:
+        if name.startswith("sensor"):  # it is no part of the endoscope
+            continue
         value, deviation = getattr(fit.preset, name), known.deviation[name]
         least, most = parameter_limits(name)
         if name in SIGNED:

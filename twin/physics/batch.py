@@ -19,7 +19,7 @@ from twin.physics.layout import Layout
 from twin.physics.load import REWRITTEN, Loads, views
 from twin.physics.model import compiled_model, model_xml
 from twin.physics.simulation import Recorder
-from twin.preset.preset import Preset
+from twin.preset.preset import Preset, at_sample_time
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,7 @@ def simulate_batch(
     on_sample: Callable[[int, int], None] | None = None,
 ) -> list[Episode | None]:
     """Simulate many endoscopes at once, each along its own command; see `twin.simulate_batch`."""
+    presets = [at_sample_time(preset, sample_time) for preset in presets]
     commands = commands_of(presets, pulls, sample_time, lateral_pulls, sheath_bends)
     endoscopes = EndoscopeBatch(presets, threads)
     records = [Recorder(command, endoscopes.layout) for command in commands]

@@ -10,6 +10,7 @@ from twin.files.bounded import MEBIBYTE
 from twin.files.shown import shown
 from twin.files.yaml_text import read_yaml
 from twin.preset.preset import Preset, suggestion
+from twin.preset.sensor import KEY, SensorModel
 
 MOST_BYTES = MEBIBYTE  # of a preset's file
 
@@ -22,11 +23,17 @@ def preset_names() -> list[str]:
 def load_preset(name_or_path: str | Path) -> Preset:
     """Read a preset by its name in `assets/`, or from a YAML file.
 
-    The key `ranges` of the file is not a parameter: see `twin.preset.randomization`.
+    Two keys of the file are no parameters: `ranges` (see `twin.preset.randomization`), and `sensor`, which
+    contains values of `twin.preset.sensor.SensorModel`.
     """
     name, values = read_preset_file(name_or_path)
+    values.pop("ranges", None)
     try:
-        return preset_of(name, {key: value for key, value in values.items() if key != "ranges"})
+        sensor = values.pop(KEY, None)
+        given = {} if sensor is None else SensorModel.from_dict(sensor).parameters()
+        if twice := sorted(given.keys() & values.keys()):
+            raise InputError(f"{KEY} and {', '.join(twice)}: choose one")
+        return preset_of(name, values | given)
     except ValueError as error:
         raise InputError(f"{name_or_path}: {error}") from error
 

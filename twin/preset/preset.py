@@ -77,7 +77,10 @@ class Preset:
     servo_acceleration: float = _within(0.0, 0.0, 1e3)  # limit [m / s^2]; 0 is none
     encoder_counts: int = _within(0, 0, 2**24)  # of the motor's encoder in a turn; 0 is continuous
 
-    # The sensor of the bending angle.
+    # The sensor of the bending angle: it reads scale * angle + zero.
+    sensor_zero: float = _within(0.0, -math.pi, math.pi)  # reading where the section is straight [rad]
+    sensor_zero_deviation: float = _within(0.0, 0.0, math.pi)  # standard deviation of what is known of it
+    sensor_scale: float = _within(1.0, 0.1, 10.0)  # reading per angle [-]
     sensor_period: float = _within(0.0, 0.0, 10.0)  # between two readings [s]; 0 reads every sample
     sensor_latency: float = _within(0.0, 0.0, 10.0)  # from the measurement of a reading to its arrival [s]
     sensor_resolution: float = _within(0.0, 0.0, 1.0)  # quantisation step of a reading [rad]; 0 is none

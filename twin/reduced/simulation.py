@@ -13,7 +13,7 @@ from twin.episode import Episode
 from twin.errors import InputError
 from twin.mechanics.command import Command, commands_of, record_of
 from twin.mechanics.friction import group_of_hinge
-from twin.preset.preset import Preset, parameter_limits
+from twin.preset.preset import Preset, at_sample_time, parameter_limits
 from twin.reduced.advance import Trace, Workspace, advance, state_at_rest
 from twin.reduced.parameters import (
     MISSING_LIMIT_N,
@@ -45,6 +45,7 @@ def simulate_batch(
 
     The records are the same bits for any number of threads.
     """
+    presets = [at_sample_time(preset, sample_time) for preset in presets]
     commands = commands_of(presets, pulls, sample_time, lateral_pulls, sheath_bends)
     parameters = parameters_of(presets)
     state = state_at_rest(presets, parameters)

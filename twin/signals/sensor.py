@@ -29,11 +29,11 @@ def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) 
     """Return the sensor's reported angle at each sample (N,) [rad], from the true one.
 
     Reading j is of the bend at time[0] + j `sensor_period`, linear between samples (of sample j where the
-    period is 0). Gaussian noise of `sensor_noise` is added to it, the sum is rounded to `sensor_resolution`,
-    arrives `sensor_latency` later and is reported until the next one arrives. Before the first arrival the
-    sensor reports the reading of time[0]: the endoscope had rested there for long enough. One number is drawn
-    for each reported reading, if there is noise. Without any parameter of the sensor, the angle is the true
-    one, bit for bit.
+    period is 0), times `sensor_scale`, plus `sensor_zero`. Gaussian noise of `sensor_noise` is added, the sum
+    is rounded to `sensor_resolution`, arrives `sensor_latency` later and is reported until the next one
+    arrives. Before the first arrival the sensor reports the reading of time[0]: the endoscope had rested
+    there for long enough. One number is drawn for each reported reading, if there is noise. Without any
+    parameter of the sensor, the angle is the true one, bit for bit.
     """
     if time.ndim != 1 or time.shape != bend.shape or not len(time):
         raise InputError(f"time {time.shape} and bend {bend.shape}: must be two arrays of one length (N,)")
@@ -42,6 +42,8 @@ def measure(preset: Preset, time: Array, bend: Array, rng: np.random.Generator) 
     instant, reported = _readings(preset, time)
 
     reading = np.interp(instant, time, bend)
+    if preset.sensor_zero or preset.sensor_scale != 1:
+        reading = preset.sensor_scale * reading + preset.sensor_zero
     if preset.sensor_noise:
         reading += preset.sensor_noise * rng.standard_normal(len(reading))
     if preset.sensor_resolution > np.spacing(np.abs(reading).max()):  # a finer step rounds nothing
@@ -66,3 +68,28 @@ def _readings(preset: Preset, time: Array) -> tuple[Array, NDArray[np.intp]]:
     # An instant that coincides with a sample is moved exactly there, or rounding would leak into the reading.
     sample = time[np.minimum(np.searchsorted(time, instant - tolerance), len(time) - 1)]
     return np.where(np.abs(sample - instant) <= tolerance, sample, instant), reported
+
+
+_THIRD = np.array([1.0, -3.0, 3.0, -1.0])  # of a third difference, which no parabola has
+_BLOCK = 20  # samples over which residuals are averaged
+_MEDIAN = 0.9  # median of such a mean over the variance: 0.92 of normal noise, 0.86 of a skewed or heavy one
+_FEWEST = 40  # samples from which a variance is estimated
+
+
+def estimated_variance(reading: Array) -> float:
+    """Estimate the variance of the noise in evenly sampled readings (N,), NaN where there is none.
+
+    The path of the angle is smooth: its third difference is that of the noise (difference-based variance,
+    Gasser, Sroka and Jennen-Steinmetz 1986). Means over blocks are taken, and of these the median: corners of
+    the path are few. At least it is that of rounding, step^2 / 12. NaN with fewer than 40 readings.
+    """
+    known = reading[np.isfinite(reading)]
+    if len(known) < _FEWEST:
+        return math.nan
+    square = np.convolve(reading, _THIRD, "valid") ** 2 / (_THIRD @ _THIRD)
+    square = square[np.isfinite(square)]
+    blocks = square[: len(square) // _BLOCK * _BLOCK].reshape(-1, _BLOCK).mean(axis=1)
+    if not len(blocks):
+        return math.nan
+    steps = np.diff(np.unique(known))
+    return max(float(np.median(blocks)) / _MEDIAN, float(steps.min(initial=np.inf)) ** 2 / 12)

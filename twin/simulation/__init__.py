@@ -114,6 +114,5 @@ def simulate_batch(
     """
     options: dict[str, Any] = {"sheath_bends": sheath_bends, "lateral_pulls": lateral_pulls}
     options |= {"threads": threads, "on_sample": on_sample}
-    presets = [at_sample_time(preset, sample_time) for preset in presets]
     records: list[Episode | None] = _twin(physics, "simulate_batch")(presets, pulls, sample_time, **options)
     return records
