@@ -34,6 +34,10 @@ class Gate(Options):
     """T [s]; that of the training, if not given. Only RAM (twins) and RAM (memory) run at another."""
     stroke: tuple[float, float] | None = None
     """Pulls that twins are tried on [mm]; those of the training, if not given, else those of the logs."""
+    sensor_zero_deg: float | None = None
+    """Reading of the logs' sensor where the section is straight [deg]; that of the preset, if not given."""
+    sensor_lag_s: float | None = None
+    """Age of its readings when they arrive [s]; that of the preset, if not given."""
     quick: tyro.conf.FlagCreatePairsOff[bool] = False
     """Less of everything, for a first look; the page says so."""
     seed: int = 0
@@ -54,6 +58,7 @@ def gate(args: Gate) -> Summary:
     from twin.gate.page import gate_page
     from twin.gate.run import write_verdict
     from twin.preset import load_preset, load_ranges
+    from twin.preset.sensor import SensorModel
     from twin.recording import read_dataset
 
     preset, ranges = load_preset(args.preset), load_ranges(args.preset)
@@ -66,6 +71,7 @@ def gate(args: Gate) -> Summary:
         sample_time=args.sample_time,
         seed=args.seed,
         size=QUICK if args.quick else WHOLE,
+        sensor=SensorModel.of(preset).replace(zero_deg=args.sensor_zero_deg, lag_s=args.sensor_lag_s),
     )
     verdict = run_gate(material, Progress("gate"))
     given = [args.policy, *args.logs]

@@ -46,8 +46,12 @@ class Run:
     folder, with a file for each record."""
     sample_time: float | None = None
     """T [s]; that of the training, if not given. A log is thinned to about it."""
-    noise_variance: float = 0.1
-    """R of the sensor [deg^2]."""
+    noise_variance: float | None = None
+    """R of the sensor [deg^2]; if not given, as estimated from a log, and live as in the trained file."""
+    sensor_zero_deg: float | None = None
+    """Reading of the sensor where the section is straight [deg]; that of the trained file, if not given."""
+    sensor_lag_s: float | None = None
+    """Age of a reading when it arrives [s]; that of the trained file, if not given."""
     initial_bend_deg: float = 0.0
     """Estimate at the first sample [deg]."""
     stroke: tuple[float, float] | None = None
@@ -123,7 +127,8 @@ def run(args: Run) -> Summary:
 
     if args.sample_time is not None:
         check_between("sample_time", args.sample_time, *SAMPLE_TIMES, "s")
-    check_between("noise_variance", args.noise_variance, 1e-9, LARGEST_VARIANCE_DEG2, "deg^2")
+    if args.noise_variance is not None:
+        check_between("noise_variance", args.noise_variance, 1e-9, LARGEST_VARIANCE_DEG2, "deg^2")
     check_between("live_port", args.live_port, 0, 65_535)
     if args.data and args.stroke is not None:
         raise InputError("--stroke: commands are made live alone; a log has had its own")
@@ -175,16 +180,18 @@ def _stream(args: Run) -> Summary:
 
 def _log(args: Run) -> Summary:
     from twin.export.export import named_files
-    from twin.live.log_run import SIGN, log_targets, read_logs, run_log
+    from twin.live.log_run import SIGN, log_targets, noise_of, read_logs, run_log
     from twin.live.reading import RunCounts
 
     files = named_files(args.data)
     targets = log_targets(args.out, list(files))
     if args.out is not None and targets == [args.out]:
         output_file(args.out, (), SIGN, inputs=[args.policy, *files.values()])
+    logs = read_logs(files, _prepared(args)().sample_time)
+    if args.noise_variance is None:
+        args = dataclasses.replace(args, noise_variance=noise_of(logs))
     new_runtime, counts = _prepared(args), RunCounts()
     runtime = new_runtime()
-    logs = read_logs(files, runtime.sample_time)
     if args.out is not None and targets != [args.out]:
         output_folder(args.out, {target.name: SIGN for target in targets})
     facts, viewer = _facts(args, runtime), _viewer(args, runtime)
@@ -201,9 +208,17 @@ def _log(args: Run) -> Summary:
 
 
 def _prepared(args: Run) -> "Callable[[], AssuredEstimator]":
+    from twin.estimation.deployment import sensor_of
+    from twin.estimation.learned.trained_file import read_trained_file
     from twin.live import prepare_runtime
 
-    prepared = prepare_runtime(args.policy, sample_time=args.sample_time, noise_variance=args.noise_variance)
+    file = read_trained_file(args.policy)
+    prepared = prepare_runtime(
+        file,
+        sample_time=args.sample_time,
+        noise_variance=args.noise_variance,
+        sensor=sensor_of(file).replace(zero_deg=args.sensor_zero_deg, lag_s=args.sensor_lag_s),
+    )
     return partial(prepared, args.initial_bend_deg)
 
 
@@ -229,7 +244,8 @@ def _facts(args: Run, runtime: "AssuredEstimator") -> dict[str, Any]:
         "policy": str(args.policy),
         "policy_sha256": sha256_of(args.policy),
         "sample_time_s": runtime.sample_time,
-        "noise_variance_deg2": args.noise_variance,
+        "noise_variance_deg2": runtime.noise_variance,
+        "sensor": runtime.sensor.to_dict(),
         "initial_bend_deg": args.initial_bend_deg,
     }
 

@@ -38,6 +38,8 @@ from twin.identification.models import identify_coleman_hodgdon
 from twin.identification.nominal import identify_steps, nominal_records
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
+from twin.preset.sensor import KEY as SENSOR
+from twin.preset.sensor import SensorModel
 from twin.reduced.members import NO_MEMBERS, MemberSet, check_members, members_to_dict
 
 VALIDATIONS = 12  # over each lesson of the gain
@@ -186,6 +188,7 @@ def _train(
         "agent": learner.training.agent,
         **configuration,
         DEPLOYMENT: deployment.to_dict(),
+        SENSOR: SensorModel.of(preset).to_dict(),
         **extra,
     }
     learner.export(step, description, path)  # the last: where the file is, the run is finished

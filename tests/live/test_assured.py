@@ -15,8 +15,10 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.deployment import Deployment
 from twin.estimation.estimator import Estimator
 from twin.live.assured import DISTRUSTED, AssuredEstimator
+from twin.live.lag import Lag
 from twin.live.online import OnlineEstimator
 from twin.live.reading import Alarm, Health, Source
+from twin.preset.sensor import SensorModel
 
 T, R = 0.1, 0.1
 FALLBACK = ActiveModel(COLEMAN_HODGDON, T, (1e-3, 4e-2), R, (100.0, 1.0))
@@ -291,3 +293,60 @@ def test_what_is_no_number_is_refused_and_changes_nothing():
             live.push("x", 3.0, 60.5)
     assert live.reading == before
     assert Alarm.STUCK not in live.push(0.1, 3.0, 60.5).alarms
+
+
+LATE = 2  # samples
+
+
+def late(sensor):
+    return AssuredEstimator("test", FALLBACK, FALLBACK, DEPLOYMENT, 65.0, sensor=sensor)
+
+
+def readings(live, pull, measured):
+    return [live.push(k * T, pull[k], measured[k]) for k in range(len(pull))]
+
+
+def test_zero_and_scale_are_corrected():
+    pull, _, measured = stream(200)
+    corrected = readings(late(SensorModel(zero_deg=2.0, scale=1.1)), pull, 1.1 * measured + 2.0)
+    plain = readings(assured(), pull, measured)
+    np.testing.assert_allclose([of.bend_deg for of in corrected], [of.bend_deg for of in plain], atol=1e-9)
+
+
+def test_the_estimate_is_the_prediction_from_the_time_of_the_reading():
+    """The same filter, run where readings are from, and its model from there on."""
+    pull, truth, measured = stream(300)
+    seen = np.concatenate([np.full(LATE, measured[0]), measured[:-LATE]])
+    found = readings(late(SensorModel(lag_s=LATE * T)), pull, seen)
+    then = readings(assured(), np.concatenate([np.full(LATE, pull[0]), pull[:-LATE]]), seen)
+    for k in range(50, 300):
+        # the model keeps the error that the filter has found: eq. 5 of each step is its response
+        moved = COLEMAN_HODGDON.response(pull[k - LATE : k + 1], then[k].bend_deg)[-1]
+        assert found[k].bend_deg == pytest.approx(moved, abs=0.5)
+        assert found[k].high_deg - found[k].low_deg >= then[k].high_deg - then[k].low_deg
+    error, old = (np.array([of.bend_deg for of in some[50:]]) - truth[50:] for some in (found, then))
+    assert np.sqrt(np.mean(error**2)) < 0.25 * np.sqrt(np.mean(old**2))
+    assert all(of.source is Source.ADVANCED for of in found[50:])
+
+
+def test_a_wrong_pull_is_not_followed():
+    pull, _, measured = stream(200)
+    live = late(SensorModel(lag_s=LATE * T))
+    before = readings(live, pull[:150], measured[:150])[-1]
+    reading = live.push(150 * T, 80.0, measured[150])
+    assert abs(reading.bend_deg - before.bend_deg) < 2
+
+
+def test_pulls_of_the_past_are_linear_between_samples():
+    lag = Lag(0.25)
+    assert math.isnan(lag.pull_mm(0.0, math.nan))
+    found = [lag.pull_mm(0.1 * k, float(k)) for k in range(1, 8)]
+    np.testing.assert_allclose(found, [1, 1, 1, 1.5, 2.5, 3.5, 4.5], atol=1e-12)
+    assert lag.pull_mm(0.8, math.nan) == pytest.approx(5.5)  # the pull stands at 7
+    assert lag.pull_mm(0.8, 100.0) == 100.0  # a repeated stamp, which the estimators ignore
+    assert lag.pull_mm(1.05, 7.0) == pytest.approx(7.0)
+    assert lag.pull_mm(-5.0, 3.0) == 3.0  # another clock
+
+
+def test_noise_variance_is_that_of_corrected_measurements():
+    assert assured().noise_variance == R

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from twin.preset.preset import Preset
-from twin.signals.sensor import measure
+from twin.signals.noise import draw_noise, noise_variance
+from twin.signals.sensor import estimated_variance, measure, smoothed
 
 SIGMAS = 5  # one test in two million fails by chance; the seed is fixed anyway
 TICK = Fraction(1, 1000)  # s; not a binary fraction: sums of it round
@@ -104,3 +105,25 @@ def test_reading_that_rounds_past_the_last_sample_is_of_the_last_sample(start, s
 def test_samples_that_do_not_belong_together_are_refused(time, bend, rule):
     with pytest.raises(ValueError, match=rule):
         report(time, bend)
+
+
+@pytest.mark.parametrize("noise", ["gaussian", "laplace", "gamma"])
+def test_the_variance_of_noise_is_estimated_on_a_moving_path(noise):
+    time = np.arange(0, 90, 1 / 30)
+    path = 40 * np.sin(time) + 10 * np.abs(np.sin(0.7 * time))  # with corners
+    readings = path + 0.6 * draw_noise(noise, 1.0, path.shape, np.random.default_rng(1))
+    readings[::20] = np.nan
+    scale = 0.36 * noise_variance(noise, 1.0)
+    assert estimated_variance(readings) == pytest.approx(scale, rel=0.15)
+    assert estimated_variance(path) < 1e-3
+    smooth = smoothed(time, readings)
+    known = np.isfinite(readings)
+    assert np.isnan(smooth[~known]).all()
+    left = smooth[known] - path[known]
+    assert np.std(left) < 0.45 * np.sqrt(scale)
+
+
+def test_a_coarse_sensor_is_not_free_of_noise():
+    rounded = np.round(0.01 * np.arange(500) / 0.5) * 0.5
+    assert estimated_variance(rounded) == pytest.approx(0.25 / 12)
+    assert np.isnan(estimated_variance(rounded[:30]))

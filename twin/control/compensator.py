@@ -74,7 +74,7 @@ class Compensator:
         known ahead, from there on (H,).
         """
         runtime = self._runtime
-        reading, state = runtime.reading, runtime.advanced.state
+        reading, state = runtime.reading, runtime.present
         went_on = self.falls_back and not self.holds
         self.falls_back, self.holds = reading.source is not Source.ADVANCED, bool(reading.alarms & _SILENT)
         if self.holds:

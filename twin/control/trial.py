@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from twin.control.controller import ControlKnowledge, Sensed, find_controllers
 from twin.errors import InputError
 from twin.preset.preset import Preset, at_sample_time, check_sample_time
-from twin.signals.sensor import samples_late
+from twin.preset.sensor import SensorModel
 from twin.simulation import check_physics, simulate
 
 
@@ -151,18 +151,21 @@ def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -
     if spec.oracle:
         driven.observe(plant)
     wanted, count = case.reference_deg, len(case.reference_deg)
-    late = samples_late(case.preset.sensor_latency, T)
+    sensor, known = SensorModel.of(case.preset), SensorModel.of(knowledge.preset)
     ahead = round(knowledge.preview_s / T)
+    samples = np.arange(count)
     pull, bend, measured, estimate = np.empty((4, count))
     fell_back = np.zeros(count, dtype=bool)
     first = knowledge.limits.nearest(knowledge.line.pull_mm(float(wanted[0])))
     pull[0], bend[0] = first, plant.start(first)
     driven.start(first, float(wanted[0]))
     for k in range(count):
-        measured[k] = bend[max(k - late, 0)] + case.noise_deg[k]
+        late = np.interp(k - sensor.lag_s / T, samples[: k + 1], bend[: k + 1])
+        measured[k] = sensor.scale * late + sensor.zero_deg + case.noise_deg[k]
         following = float(wanted[min(k + 1, count - 1)])
         coming = wanted[k + 1 : k + 1 + ahead]
-        command = driven.step(Sensed(k * T, float(measured[k]), float(wanted[k]), following, coming))
+        angle = known.angle_deg(float(measured[k]))
+        command = driven.step(Sensed(k * T, angle, float(wanted[k]), following, coming))
         estimate[k], fell_back[k] = driven.estimate_deg, driven.falls_back
         if k + 1 < count:
             sheath = float(case.sheath_bend[k + 1]) if len(case.sheath_bend) else None

@@ -20,6 +20,8 @@ from twin.estimation.learned.trained_file import TrainedFile
 from twin.estimation.two_states import predicted, updated
 from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon
+from twin.preset.sensor import KEY as SENSOR
+from twin.preset.sensor import SensorModel
 from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
@@ -87,6 +89,14 @@ def deployment_of(file: TrainedFile) -> Deployment:
         return Deployment.from_dict(file.description[KEY])
     except ValueError as error:
         raise InputError(f"{file.path} cannot be deployed: {error}") from error
+
+
+def sensor_of(file: TrainedFile) -> SensorModel:
+    """Return the sensor that a trained file states: that of its preset, plain where it has none."""
+    try:
+        return SensorModel.from_dict(file.description.get(SENSOR, {}))
+    except ValueError as error:
+        raise InputError(f"{file.path}: {error}") from error
 
 
 def prepare_deployment(

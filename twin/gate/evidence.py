@@ -28,10 +28,12 @@ from twin.gate.trial import PairedTrial, joined_cases, run_trials
 from twin.identification.models import identify_coleman_hodgdon
 from twin.preset.preset import Preset, at_sample_time
 from twin.preset.randomization import Ranges
+from twin.preset.sensor import SensorModel
 from twin.reduced import simulate_batch
 from twin.reduced.members import check_members
 from twin.signals.excitation import SIGNALS, command
 from twin.signals.noise import draw_noise, noise_bound, noise_variance
+from twin.signals.sensor import smoothed
 
 Array = NDArray[np.float64]
 Stroke = tuple[float, float]  # lowest and highest pull [mm]
@@ -91,6 +93,9 @@ class GateMaterial:
     sample_time: float  # T [s]
     seed: int  # of all that is drawn
     size: Effort = WHOLE  # how much is drawn
+    sensor: SensorModel = dataclasses.field(
+        default_factory=SensorModel
+    )  # that angles of logs are corrected for
     on_progress: Callable[[float], None] = lambda share: None  # called with the running check's share, 0 to 1
 
     def part(self, low: float, high: float) -> Callable[[int, int], None]:
@@ -294,12 +299,14 @@ def gather(
     sample_time: float | None = None,
     seed: int = 0,
     size: Effort = WHOLE,
+    sensor: SensorModel | None = None,
 ) -> GateMaterial:
     """Return the material of the gate, before anything is simulated.
 
     The stroke within which twins are pulled [mm] and T [s] are those of the training, if not given; without a
-    stroke in the file, that of the logs.
+    stroke in the file, that of the logs. So is the sensor of the logs that of the preset.
     """
+    sensor = SensorModel.of(preset) if sensor is None else sensor
     file = read_trained_file(path)
     if sample_time is not None:
         check_between("sample_time", sample_time, *SAMPLE_TIMES, "s")
@@ -308,7 +315,7 @@ def gather(
     at_sample_time(preset, T)
     logs, sheath_bends = [], []
     for number, episode in enumerate(episodes):
-        log, sheath_bend = _log_of(episode, T, number, size.log_samples)
+        log, sheath_bend = _log_of(episode, T, number, size.log_samples, sensor)
         logs.append(log)
         sheath_bends.append(sheath_bend)
     stroke = stroke_mm or _trained_stroke(file.description, preset) or _logged_stroke(logs) or STROKE_MM
@@ -316,12 +323,22 @@ def gather(
         raise InputError(f"stroke_mm = {shown(stroke)}: must rise")
     check_reached(preset, stroke)
     return GateMaterial(
-        path, file, estimator, preset, ranges, tuple(logs), tuple(sheath_bends), stroke, T, seed, size
+        *(path, file, estimator, preset, ranges, tuple(logs), tuple(sheath_bends), stroke, T, seed, size),
+        sensor=sensor,
     )
 
 
-def _log_of(episode: Episode, sample_time: float, number: int, most: int) -> tuple[Record, Array]:
-    """Return a log from its first known angle on, and its sheath bend where it was recorded [rad]."""
+def _log_of(
+    episode: Episode, sample_time: float, number: int, most: int, sensor: SensorModel
+) -> tuple[Record, Array]:
+    """Return a log from its first known angle on, and its sheath bend where it was recorded [rad].
+
+    Measured angles are corrected for the sensor, and smoothed: a twin is not compared with noise.
+    """
+    if episode.is_measured:
+        smooth = smoothed(episode.time, episode.measured_deg)
+        angle = np.radians(sensor.angles_deg(episode.time, smooth))
+        episode = dataclasses.replace(episode, measured_bend=angle)
     even = episode.resampled(sample_time)
     record = even.record(number)
     known = np.isfinite(record.reference_deg)

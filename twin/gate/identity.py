@@ -1,5 +1,6 @@
 """Identity and bounds: the file is what the training left, for this endoscope; its outputs are bounded."""
 
+import dataclasses
 import json
 from collections.abc import Mapping
 from typing import Any
@@ -21,8 +22,8 @@ from twin.preset.preset import Preset
 from twin.signals.sensor import LARGEST_BEND_DEG
 
 Array = NDArray[np.float64]
-FREE = ("name", "time_step", "sensor_noise", "sensor_resolution", "sensor_period", "sensor_latency")
-"""Parameters that a policy is not made for: name, solver's step, and the sensor, whose R it is given."""
+FREE = ("name", "time_step", *(field.name for field in dataclasses.fields(Preset) if "sensor" in field.name))
+"""Parameters that a policy is not made for: name, solver's step, and the sensor, which it is given."""
 CLOSE = 1e-6  # relative difference of two parameters that are the same
 REPLAYED_DEG = 1e-5
 """Largest difference between the graph and the network that was trained, relative above 1 deg."""

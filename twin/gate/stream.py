@@ -15,6 +15,7 @@ from twin.gate.evidence import OTHER_STREAMS, RIVAL, GateMaterial
 from twin.live import Alarm, AssuredEstimator, load_runtime, prepare_runtime
 from twin.live.online import OnlineEstimator
 from twin.live.reading import flag_names
+from twin.preset.sensor import SensorModel
 
 Array = NDArray[np.float64]
 Sample = tuple[float, float, float]  # time [s], pull [mm] and measurement [deg]
@@ -150,7 +151,7 @@ def _fault_rows(material: GateMaterial) -> list[dict[str, Any]]:
         bend = record.truth_deg[0]
         measured = bend + math.sqrt(VARIANCE) * rng.standard_normal(len(bend))
         streams.append((record.pull_mm[0], bend, measured, float(bend[0] + rng.uniform(-10, 10))))
-    begun = prepare_runtime(material.path, sample_time=T, noise_variance=VARIANCE)
+    begun = prepare_runtime(material.file, sample_time=T, noise_variance=VARIANCE, sensor=SensorModel())
     rows = []
     for number, fault in enumerate(FAULTS):
         found = [_run(material, begun, fault, *stream) for stream in streams[:_TWINS]]
@@ -225,7 +226,11 @@ def latency(material: GateMaterial) -> Check:
     pull, bend = records[-1].pull_mm[0], records[-1].truth_deg[0]
     measured = bend + math.sqrt(VARIANCE) * rng.standard_normal(len(bend))
     runtime = load_runtime(
-        material.path, sample_time=T, noise_variance=VARIANCE, initial_bend_deg=float(bend[0])
+        material.path,
+        sample_time=T,
+        noise_variance=VARIANCE,
+        initial_bend_deg=float(bend[0]),
+        sensor=SensorModel(),
     )
     clock, processor = [], []
     for k, sample in enumerate(zip(pull.tolist(), measured.tolist(), strict=True)):

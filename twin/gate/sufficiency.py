@@ -4,6 +4,7 @@ The preset's own twin is driven by the commands of the logs and sees no measurem
 least as well as a three-parameter model of hysteresis that was fitted to each of these logs.
 """
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,51 @@ from twin.identification.search import reverses
 from twin.reduced import simulate_batch
 
 Array = NDArray[np.float64]
+ZERO_DEG = 0.5  # offset of a log that need not be known
 LEAST_SHARE = 0.02
 """Share of the logs' range of bend below which no twin need be: repeats of a device differ as much."""
 _STREAM = OTHER_STREAMS + 2
 _DRAWN = 2  # logs on the page
 _BENDS = 9  # of the sheath, that are tried where a log has none of its own
+
+
+@functools.lru_cache(maxsize=1)
+def _predictions(material: GateMaterial) -> list[tuple[Array | None, float | None]]:
+    """Return the twin's angle along each log [deg] and the bend of its sheath [rad]; two checks share it."""
+    logs = zip(material.logs, material.sheath_bends, strict=True)
+    return [_predicted(log, sheath_bend, material) for log, sheath_bend in logs]
+
+
+@declare("the zero of the sensor", TWIN)
+def zero_of_logs(material: GateMaterial) -> Check:
+    """Logs and twin agree about where the section is straight."""
+    pairs = [
+        (log, predicted)
+        for log, (predicted, _) in zip(material.logs, _predictions(material), strict=True)
+        if log.is_measured and predicted is not None
+    ]
+    if not pairs:
+        return Check(said="no measured log was given", required=False)
+    offsets = [float(np.nanmean(log.reference_deg - predicted)) for log, predicted in pairs]
+    sensor, worst = material.sensor, max(offsets, key=abs)
+    bar = max(ZERO_DEG, 3 * sensor.zero_deviation_deg)
+    zero = sensor.zero_deg + float(np.mean(offsets)) * sensor.scale
+    said = f"the zero of the logs is within {abs(worst):.2f} deg of the stated one, {sensor.zero_deg:.2f} deg"
+    if abs(worst) > bar:
+        said = (
+            f"the angle of a log is {worst:+.2f} deg off the twin's, by the stated zero of "
+            f"{sensor.zero_deg:.2f} deg: state the sensor's (--sensor-zero-deg {zero:.2f}), or calibrate"
+        )
+    return Check(
+        said=said,
+        figure=abs(worst),
+        bar=bar,
+        unit="deg",
+        holds=abs(worst) <= bar,
+        rows=tuple(
+            {"log": log.name, "offset_deg": offset} for (log, _), offset in zip(pairs, offsets, strict=True)
+        ),
+    )
 
 
 @declare("the twin reproduces the logs", TWIN, 2)
@@ -32,8 +73,7 @@ def twin_of_logs(material: GateMaterial) -> Check:
         return not_shown("no log was given: whether the twin is like the endoscope is not known")
     errors, curves = [], []
     rows: list[dict[str, Any]] = []
-    for log, sheath_bend in zip(material.logs, material.sheath_bends, strict=True):
-        predicted, bend = _predicted(log, sheath_bend, material)
+    for log, (predicted, bend) in zip(material.logs, _predictions(material), strict=True):
         if predicted is None:
             said = f"the twin finds no equilibrium along the command of {log.name}"
             return Check(said=said, holds=False, unit="deg")
@@ -68,7 +108,7 @@ def twin_of_logs(material: GateMaterial) -> Check:
     said = f"driven by the commands alone the twin is {found:.2f} deg off the logs; {compared}"
     if not holds:
         said += ": calibrate the preset first, evidence on its twins says little about this endoscope"
-    notes = ["The twin sees no measurement. From measured logs the offset of their zero is subtracted."]
+    notes = ["The twin sees no measurement. Measured logs are smoothed, their mean difference is subtracted."]
     notes += without_hysteresis((log.name, log.pull_mm, log.reference_deg) for log in material.logs)
     if any(row["sheath_bend_deg"] is not None for row in rows):
         notes.append("Where a log has no bend of its sheath, the best of nine bends is used.")

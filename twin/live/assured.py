@@ -10,18 +10,21 @@ import numpy as np
 
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.deployment import Deployment, deployment_of
+from twin.estimation.deployment import Deployment, deployment_of, sensor_of
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.gaussian import DEVIATIONS_OF_95
-from twin.estimation.learned.trained_file import read_trained_file
+from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.load import load_estimator_at
 from twin.estimation.registry import method_specs
 from twin.estimation.two_states import TwoStates
 from twin.live.checks import StreamLimits, StuckSensor, real_number
+from twin.live.lag import Lag
 from twin.live.monitor import Monitor
 from twin.live.online import OnlineEstimator
 from twin.live.reading import UNKNOWN_DEG, Alarm, Health, Reading, Source
+from twin.preset.sensor import SensorModel
 
+PLAIN = SensorModel()
 DISTRUST_SAMPLES = 3  # in a row with an alarm, after which the fallback is used
 TRUST_S = 5.0  # without an alarm, after which the trained estimator is used again
 BLEND_S = 0.5  # from one to the other
@@ -45,15 +48,21 @@ class AssuredEstimator:
     again after five seconds without one; between the two the estimate moves within half a second. A stuck
     sensor counts as missing.
 
+    Measurements are corrected for the zero, the scale and the lag of the sensor: both estimators run at the
+    time of the measurement, and the reading is their prediction from there to now.
+
     Attributes:
         method: name of the trained method.
         sample_time: T [s].
         advanced: the trained estimator on the stream.
         fallback: the trusted filter on it.
         reading: the latest.
+        noise_variance: R, of corrected measurements [deg^2].
+        sensor: by which measurements are corrected.
         samples: that came.
         fallback_samples: of them, those at which the fallback had any part in the estimate.
         switches: how often trust was lost.
+        present: state of the trained estimator now; None until the stream begins.
     """
 
     def __init__(
@@ -64,14 +73,18 @@ class AssuredEstimator:
         deployment: Deployment,  # ranges of the training
         initial_bend_deg: float,  # estimate at the first sample [deg]
         limits: StreamLimits | None = None,  # beyond which a sample is refused
+        sensor: SensorModel = PLAIN,  # by which measurements are corrected
     ):
         """Prepare a stream that starts at an estimate [deg]."""
         self.method, self.sample_time = method, fallback.sample_time
         self.advanced = OnlineEstimator(advanced, self.sample_time, initial_bend_deg, limits)
         self.fallback = OnlineEstimator(fallback, self.sample_time, initial_bend_deg, limits)
-        noise_variance = float(np.asarray(fallback.measurement_variance))
-        self._monitor = Monitor(deployment, self.sample_time, noise_variance)
+        self.noise_variance = float(np.asarray(fallback.measurement_variance))
+        self._monitor = Monitor(deployment, self.sample_time, self.noise_variance)
         self._stuck = StuckSensor()
+        self.sensor = sensor
+        self._lag = Lag(sensor.lag_s) if sensor.lag_s else None
+        self.present: Any = None
         self.samples = self.fallback_samples = self.switches = 0
         unknown = initial_bend_deg - UNKNOWN_DEG, initial_bend_deg + UNKNOWN_DEG
         self.reading = Reading(initial_bend_deg, *unknown, Source.ADVANCED, Health.WAITING, Alarm.BEGINNING)
@@ -92,6 +105,10 @@ class AssuredEstimator:
         if not type(time_s) is type(pull_mm) is type(measurement_deg) is float:
             time_s, pull_mm = real_number("time_s", time_s), real_number("pull_mm", pull_mm)
             measurement_deg = real_number("measurement_deg", measurement_deg)
+        if self.sensor is not PLAIN:
+            measurement_deg = self.sensor.angle_deg(measurement_deg)
+            if self._lag is not None:
+                pull_mm = self._lag.pull_mm(time_s, pull_mm)
         # A repeated packet is no evidence of a stuck sensor.
         stuck = not time_s <= self._time_s and self._stuck.is_stuck(measurement_deg)
         accepted = math.nan if stuck else measurement_deg
@@ -197,10 +214,31 @@ class AssuredEstimator:
     def _read(self, bend: float, half_width: float, source: Source, alarms: int) -> Reading:
         if not half_width < UNKNOWN_DEG:
             half_width = UNKNOWN_DEG
+        self.present = self.advanced.state
+        if self._lag is not None and self.advanced.state is not None and self.fallback.state is not None:
+            moved, wider = self._until_now(self._lag)
+            bend, half_width = bend + moved, min(half_width + wider, UNKNOWN_DEG)
         raised = Alarm(alarms) if alarms else _NO_ALARM
         health = self.advanced.health
         self.reading = Reading(bend, bend - half_width, bend + half_width, source, health, raised)
         return self.reading
+
+    def _until_now(self, lag: Lag) -> tuple[float, float]:
+        """Return how far the estimate moves from the time of the measurement to now, and the interval grows.
+
+        Both are of the two estimators by their weights [deg].
+        """
+        advanced, fallback, weight = self.advanced, self.fallback, self._weight
+        self.present = lag.predicted(advanced)
+        alone, before = lag.predicted(fallback), fallback.state
+        assert isinstance(before, TwoStates)
+        moved = weight * (advanced.form.bend_deg(self.present) - advanced.bend_deg)
+        moved += (1 - weight) * (fallback.form.bend_deg(alone) - fallback.bend_deg)
+        wider = DEVIATIONS_OF_95 * (math.sqrt(alone.p) - math.sqrt(before.p))
+        if self._states_interval:
+            wider *= 1 - weight
+            wider += weight * (advanced.form.half_width_deg(self.present) - advanced.half_width_deg)
+        return moved, max(wider, 0.0)
 
 
 def load_runtime(
@@ -210,40 +248,52 @@ def load_runtime(
     noise_variance: float | None = None,
     initial_bend_deg: float = 0.0,
     limits: StreamLimits | None = None,
+    sensor: SensorModel | None = None,
 ) -> AssuredEstimator:
     """Return the runtime of a trained file, ready for the first sample.
 
-    The sample time T [s] and the variance R of the sensor [deg^2] are those of the training, if not given;
-    what was trained on twins runs at any T. Samples beyond the limits are refused.
+    The sample time T [s], the sensor that measurements are corrected for, and the variance R of its noise
+    [deg^2] are those of the trained file, if not given; what was trained on twins runs at any T. Samples
+    beyond the limits are refused.
 
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: it is damaged, not a file that training wrote, or cannot run at this sample time.
     """
-    prepared = prepare_runtime(path, sample_time=sample_time, noise_variance=noise_variance, limits=limits)
+    prepared = prepare_runtime(
+        path, sample_time=sample_time, noise_variance=noise_variance, limits=limits, sensor=sensor
+    )
     return prepared(initial_bend_deg)
 
 
 def prepare_runtime(
-    path: str | Path,
+    path: str | Path | TrainedFile,
     *,
     sample_time: float | None = None,
     noise_variance: float | None = None,
     limits: StreamLimits | None = None,
+    sensor: SensorModel | None = None,
 ) -> Callable[[float], AssuredEstimator]:
     """Read a trained file once for many streams: the function from an initial estimate to a runtime."""
-    file = read_trained_file(Path(path))
+    file = path if isinstance(path, TrainedFile) else read_trained_file(Path(path))
     deployment = deployment_of(file)
     if sample_time is not None:
         sample_time = _positive("sample_time", sample_time)
+    sensor = sensor_of(file) if sensor is None else sensor
     if noise_variance is None:
-        noise_variance = float(np.asarray(deployment.fallback.measurement_variance))
-    noise_variance = _positive("noise_variance", noise_variance)
+        of_training = float(np.asarray(deployment.fallback.measurement_variance))
+        noise_variance = sensor.variance_deg2 or of_training
+    noise_variance = _positive("noise_variance", noise_variance) / sensor.scale**2
     estimator, T = load_estimator_at(file, sample_time)
     advanced = estimator.with_sensor(Sensor(noise_variance))
     method = next(spec.name for spec in method_specs() if spec.training and spec.training.agent == file.agent)
     fallback = deployment.fallback_at(T, noise_variance)
-    return functools.partial(AssuredEstimator, method, advanced, fallback, deployment, limits=limits)
+    return functools.partial(
+        AssuredEstimator,
+        *(method, advanced, fallback, deployment),
+        limits=limits,
+        sensor=PLAIN if sensor.is_plain else sensor,
+    )
 
 
 def _positive(name: str, value: Any) -> float:

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,14 +15,17 @@ from twin.errors import InputError
 from twin.evaluation.metrics import error_indices
 from twin.live.assured import AssuredEstimator
 from twin.live.reading import Sink, StreamSample
+from twin.preset.sensor import SensorModel
 from twin.recording import EpisodeWriter, read_episode
 from twin.recording.messages import HEALTH_TOPIC, estimate_message, estimate_topic, health_message
+from twin.signals.sensor import estimated_variance
 
 Array = NDArray[np.float64]
 SIGN = '"endotwin run"'  # item of the metadata that identifies the recording of a run on a log
 PAUSE_S = 1.0  # time between two consecutive episodes in one file [s]
 STEADY_S = 5.0  # time from the start of an episode that `rmse_steady_deg` leaves out [s]
 PROGRESS_SAMPLES = 100
+LEAST_VARIANCE_DEG2 = 1e-3  # of what is estimated: no sensor of a bend is finer
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,7 +90,8 @@ def run_log(
                 log, estimates = logs[member], []
                 later_s = 0.0 if end_s is None else end_s + PAUSE_S - log.time[0].item()
                 end_s = log.time[-1].item() + later_s
-                for sample in replay(new_runtime(), log):
+                runtime = new_runtime()
+                for sample in replay(runtime, log):
                     estimates.append(sample.reading.bend_deg)
                     sink.add(sample._replace(time_s=sample.time_s + later_s))
                     if writer is not None:
@@ -94,7 +99,7 @@ def run_log(
                     count += 1
                     if count % PROGRESS_SAMPLES == 0 or count == total:
                         on_progress(count, total)
-                every, late = log_errors(log, np.array(estimates))
+                every, late = log_errors(corrected(log, runtime.sensor), np.array(estimates))
                 errors.append(every)
                 steady.append(late)
     kinds = sorted({"measurement" if log.is_measured else "truth" for log in logs}, reverse=True)
@@ -106,6 +111,17 @@ def replay(runtime: AssuredEstimator, log: Record) -> Iterator[StreamSample]:
     columns = (log.time, log.pull_mm, log.measured_deg)
     for time_s, pull_mm, measured in zip(*(column.tolist() for column in columns), strict=True):
         yield StreamSample(time_s, pull_mm, measured, runtime.push(time_s, pull_mm, measured))
+
+
+def corrected(log: Record, sensor: SensorModel) -> Record:
+    """Return a log with the angles that its measurements state."""
+    return dataclasses.replace(log, measured_deg=sensor.angles_deg(log.time, log.measured_deg))
+
+
+def noise_of(logs: Sequence[Record]) -> float | None:
+    """Return the variance of the noise of logs, as estimated [deg^2]; None if they are too short."""
+    found = [variance for log in logs if math.isfinite(variance := estimated_variance(log.measured_deg))]
+    return max(float(np.median(found)), LEAST_VARIANCE_DEG2) if found else None
 
 
 def log_errors(log: Record, estimate_deg: Array) -> tuple[Array, Array]:

@@ -3,12 +3,17 @@
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.files.shown import shown
 from twin.preset.preset import Preset, suggestion
 
+Array = NDArray[np.float64]
+AnyFloat = TypeVar("AnyFloat", float, Array)
 KEY = "sensor"  # of preset files and trained files
 LIMITS = {
     "variance_deg2": (0.0, 1e6),
@@ -39,7 +44,7 @@ class SensorModel:
                 raise InputError(f"sensor {name} = {shown(value)}: must be from {low:g} to {high:g}")
             object.__setattr__(self, name, float(value))
 
-    def angle_deg(self, reading_deg: float) -> float:
+    def angle_deg(self, reading_deg: AnyFloat) -> AnyFloat:
         """Return the angle that a reading states [deg]; the one `lag_s` ago. NaN stays."""
         return (reading_deg - self.zero_deg) / self.scale
 
@@ -47,6 +52,18 @@ class SensorModel:
     def is_plain(self) -> bool:
         """Whether a reading is the angle as it stands, but for its noise."""
         return self.zero_deg == 0 and self.scale == 1 and self.lag_s == 0
+
+    def angles_deg(self, time: Array, reading_deg: Array) -> Array:
+        """Return the angles at times (N,) [s], linear between those that readings (N,) state [deg].
+
+        NaN where a reading is missing, and within `lag_s` of the end.
+        """
+        angle = self.angle_deg(reading_deg)
+        return np.interp(time + self.lag_s, time, angle, right=np.nan) if self.lag_s else angle
+
+    def replace(self, **values: float | None) -> Self:
+        """Return a copy with the values that are given, which are not None."""
+        return dataclasses.replace(self, **{name: of for name, of in values.items() if of is not None})
 
     @classmethod
     def of(cls, preset: Preset) -> Self:

@@ -70,6 +70,21 @@ def _readings(preset: Preset, time: Array) -> tuple[Array, NDArray[np.intp]]:
     return np.where(np.abs(sample - instant) <= tolerance, sample, instant), reported
 
 
+def smoothed(time: Array, reading: Array) -> Array:
+    """Return readings (N,) without their noise; NaN where there is none.
+
+    A cubic smoothing spline, as smooth as generalised cross-validation finds best (Craven and Wahba 1979).
+    """
+    from scipy.interpolate import make_smoothing_spline  # here: a live stream needs none
+
+    known = np.isfinite(reading)
+    if known.sum() < _FEWEST:
+        return reading
+    smooth = np.full_like(reading, np.nan)
+    smooth[known] = make_smoothing_spline(time[known], reading[known])(time[known])
+    return smooth
+
+
 _THIRD = np.array([1.0, -3.0, 3.0, -1.0])  # of a third difference, which no parabola has
 _BLOCK = 20  # samples over which residuals are averaged
 _MEDIAN = 0.9  # median of such a mean over the variance: 0.92 of normal noise, 0.86 of a skewed or heavy one

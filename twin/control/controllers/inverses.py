@@ -18,6 +18,7 @@ from twin.control.controller import (
 from twin.control.controllers.feedback import ACTIVE_MODEL_PI, PI_SETTINGS
 from twin.estimation.registry import Style
 from twin.live.assured import AssuredEstimator, prepare_runtime
+from twin.preset.sensor import SensorModel
 from twin.reduced.members import Following, Members, MemberSet
 
 CLOSE_MM = 1e-6
@@ -98,7 +99,12 @@ class MembersInverse(Controller):
     def __init__(self, knowledge: ControlKnowledge, settings: Mapping[str, float]) -> None:
         super().__init__(knowledge.limits, knowledge.sample_time)
         trained, variance = knowledge.trained("policy"), knowledge.noise_variance
-        self._make_runtime = prepare_runtime(trained, noise_variance=variance, sample_time=self.sample_time)
+        self._make_runtime = prepare_runtime(
+            trained,
+            noise_variance=variance,
+            sample_time=self.sample_time,
+            sensor=SensorModel(lag_s=knowledge.preset.sensor_latency),  # zero and scale are corrected before
+        )
         self._gains = tuned(PI_SETTINGS, knowledge.settings.get(ACTIVE_MODEL_PI.name, {}))
         self._settings, self._line = settings, knowledge.line
         self.runtime: AssuredEstimator
