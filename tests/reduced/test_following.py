@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from twin.preset import load_preset, load_ranges
+from twin.preset.preset import at_sample_time
 from twin.reduced import simulate
 from twin.reduced.members import Members, MemberSet
 
@@ -45,6 +46,56 @@ def test_the_common_pull_brings_a_weighted_bend_of_the_members_and_leaves_them_w
             np.testing.assert_array_equal(of, was)
         following = members.step(following, np.array([pull]))
         assert weights @ following.of_filters()[0] == pytest.approx(wanted, abs=0.01)
+
+
+def test_members_take_the_time_between_samples_in_control_periods():
+    """A slow servo after a delay: the angles are those of the command on the grid of control periods."""
+    slow = PRESET.replace(servo_gain=5.0, command_delay=0.06)
+    period = slow.control_period
+    periods = np.random.default_rng(2).integers(1, 15, 60)
+    time = np.r_[0, np.cumsum(periods)] * period
+    fine = np.arange(round(time[-1] / period) + 1) * period
+    pull = np.sin(time)
+    members = Members(MemberSet.still([slow] * 2), T)
+    following = members.start(pull[:1])
+    angles = [following.of_filters()[0, 0]]
+    for k in range(1, len(time)):
+        following = members.step(following, pull[k : k + 1], float(time[k] - time[k - 1]))
+        angles.append(following.of_filters()[0, 0])
+    record = simulate(slow, np.interp(fine, time, pull) * 1e-3, period).truth_deg
+    # The sheath follows once in a sample there, and in each control period here.
+    np.testing.assert_allclose(angles, np.interp(time, fine, record), atol=0.05)
+    late = simulate(slow, pull * 1e-3, T).truth_deg  # as if all samples were T apart
+    assert np.abs(angles - late).max() > 1
+
+
+@pytest.mark.parametrize("step_s", [1 / 59.94, 0.0071, 0.0012, 0.137])
+def test_clock_of_members_stays_within_half_a_control_period_of_the_stream(step_s):
+    members = Members(MemberSet.still(DRAWN), T)
+    following = members.start(np.zeros(1))
+    begun = following.twins[0].time.copy()
+    rng = np.random.default_rng(3)
+    for k in range(1, 300):
+        following = members.step(following, np.array([np.sin(k * step_s)]), step_s * rng.uniform(0.6, 1.4))
+        gone = following.twins[0].time - begun
+        assert np.abs(gone - following.time).max() <= PRESET.control_period / 2 + 1e-9
+        np.testing.assert_allclose(gone - following.time, following.ahead, atol=1e-9)
+
+
+def test_samples_between_control_periods_have_the_angle_of_their_own_pull():
+    """At 250 Hz most samples end within a control period: the members' own friction has no rate."""
+    members = Members(MemberSet.still(DRAWN), T)
+    time = np.arange(500) * 0.004
+    pulls = 1.5 * np.sin(2 * time)
+    following = members.start(pulls[:1])
+    angles = [following.of_filters()[0]]
+    for pull in pulls[1:]:
+        following = members.step(following, np.array([pull]), 0.004)
+        angles.append(following.of_filters()[0])
+    for place, preset in enumerate(DRAWN):
+        own = at_sample_time(preset, 0.004)
+        record = simulate(own, pulls * 1e-3, 0.004).truth_deg
+        np.testing.assert_allclose(np.array(angles)[:, place], record, atol=0.15)
 
 
 def test_members_in_a_sheath_that_moves_have_the_records_of_that_sheath():

@@ -129,6 +129,7 @@ class Following(NamedTuple):
     command: NDArray[np.int64]  # (B,) number of the command that each filter follows
     bend_deg: Array  # (G, M) angle of the members there [deg]
     time: float  # since the first sample [s]
+    ahead: float = 0.0  # of the twins' own time, at most half a control period; negative where behind [s]
 
     def of_filters(self) -> Array:
         """Return the (B, M) angle of the members that each filter has [deg]."""
@@ -157,26 +158,32 @@ class Members:
             bends.append(np.degrees(self._twins.bend()))
         return Following(tuple(states), command.reshape(-1).astype(np.int64), np.array(bends), 0.0)
 
-    def step(self, following: Following, pull_mm: Array) -> Following:
+    def step(self, following: Following, pull_mm: Array, elapsed_s: float | None = None) -> Following:
         """Return the members one sample later, at the pulls (B,) [mm] of their filters.
 
-        Filters that part from each other have members of their own from there on.
+        Filters that part from each other have members of their own from there on. The time since the last
+        sample [s] is the sample time, if not given; another one is stepped in the nearest whole number of
+        control periods, and what remains counts at the next sample. Where that number is zero, the angles are
+        those of one period, after which the twins stand where they stood.
         """
         states: list[ReducedState] = []
         bends: list[Array] = []
         command = np.empty_like(following.command)
-        time = following.time + self.sample_time
+        elapsed = self.sample_time if elapsed_s is None else elapsed_s
+        time, period = following.time + elapsed, self._twins.parameters.control_period
+        periods = round((elapsed - following.ahead) / period)
         sheath = self._sheath_bend(time)
         for number, state in enumerate(following.twins):
             mine = np.flatnonzero(following.command == number)
             for pull in np.unique(pull_mm[mine]):
                 self._twins.restore_state(state)
-                bend = np.degrees(self._twins.step(pull * 1e-3, sheath_bend=sheath))
+                bend = np.degrees(self._twins.step(pull * 1e-3, sheath_bend=sheath, periods=max(periods, 1)))
                 # A member that found no equilibrium says nothing: the step is refused, not believed.
                 bends.append(np.where(self._twins.converged, bend, np.nan))
                 command[mine[pull_mm[mine] == pull]] = len(states)
-                states.append(self._twins.save_state())
-        return Following(tuple(states), command, np.array(bends), time)
+                states.append(self._twins.save_state() if periods else state)
+        ahead = following.ahead + periods * period - elapsed
+        return Following(tuple(states), command, np.array(bends), time, ahead)
 
     def bends_along(self, following: Following, pull_mm: Array, samples: NDArray[np.int64]) -> Array:
         """Return the angles (N, M) [deg] along straight lines of the command; nothing moves.

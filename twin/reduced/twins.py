@@ -65,18 +65,20 @@ class ReducedTwins:
         sheath_bend: ArrayLike | None = None,
         *,
         samples: int = 1,
+        periods: int | None = None,
     ) -> Array:
         """Advance all along straight lines from the inputs before; return the bending angle (M,) [rad].
 
         The inputs, one or (M,), are those at the end of the sample, or of several: pulling distances [m], of
-        wire c with two bending planes, and bend of the sheath [rad]; as before where not given.
+        wire c with two bending planes, and bend of the sheath [rad]; as before where not given. Where a
+        number of control periods is given, they are those at its end.
         """
         from twin.reduced.advance import advance
 
         self._set_inputs(pull, lateral_pull, sheath_bend)
-        periods = np.array([samples * self._periods])
+        taken = np.array([samples * self._periods if periods is None else periods])
         state, inputs = self.state, self._inputs[None]
-        advance(self.parameters, state, self._work, 0, inputs, periods, self._no_trace)
+        advance(self.parameters, state, self._work, 0, inputs, taken, self._no_trace)
         return self.bend()
 
     def _set_inputs(self, pull: ArrayLike, lateral_pull: ArrayLike, sheath_bend: ArrayLike | None) -> None:
