@@ -49,6 +49,14 @@ class ActiveModel(GaussianFilter):
         """Return the filter that takes the sensor's variance as R."""
         return dataclasses.replace(self, measurement_variance=sensor.variance)
 
+    def over(self, elapsed_s: float) -> Self:
+        """Return the filter of another T [s]; Q is a random walk's: it grows with the time."""
+        of_bend, of_error = self.process_variance
+        longer = elapsed_s / self.sample_time
+        return dataclasses.replace(
+            self, sample_time=elapsed_s, process_variance=(of_bend * longer, of_error * longer)
+        )
+
     def start(self, pull_mm: Array, bend_deg: Array) -> Belief:
         """Return the belief at the first sample, with no known error of the model."""
         covariance = np.repeat(np.diag(self.initial_variance)[:, :, None], bend_deg.size, axis=2)

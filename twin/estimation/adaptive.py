@@ -100,6 +100,10 @@ class AdaptiveActiveModel(Estimator[AdaptiveBelief]):
         """Return the filter that begins at the sensor's variance."""
         return dataclasses.replace(self, active_model=self.active_model.with_sensor(sensor))
 
+    def over(self, elapsed_s: float) -> Self:
+        """Return the filter of another T [s]."""
+        return dataclasses.replace(self, active_model=self.active_model.over(elapsed_s))
+
     def start(self, pull_mm: Array, bend_deg: Array) -> AdaptiveBelief:
         """Return the belief at the first sample."""
         shape = np.full(bend_deg.size, float(self.first_shape))
@@ -147,6 +151,11 @@ class BiasedActiveModel(ActiveModel):
     bias_variance: float = 1.0  # of the bias at the first sample, where zero is expected [deg^2]
     # of its random walk, per sample; 1e-6 is 0.02 deg in a minute at 0.1 s, zero a constant [deg^2]
     bias_process_variance: float = 1e-6
+
+    def over(self, elapsed_s: float) -> Self:
+        """Return the filter of another T [s]; all variances of random walks grow with the time."""
+        of_bias = self.bias_process_variance * elapsed_s / self.sample_time
+        return dataclasses.replace(super().over(elapsed_s), bias_process_variance=of_bias)
 
     def start(self, pull_mm: Array, bend_deg: Array) -> Belief:
         """Return the belief at the first sample: no known error of the model and no known bias."""
@@ -213,6 +222,10 @@ class InteractingModels(Estimator[InteractingState]):
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filters that take the sensor's variance as R."""
         return dataclasses.replace(self, filters=tuple(of.with_sensor(sensor) for of in self.filters))
+
+    def over(self, elapsed_s: float) -> Self:
+        """Return the filters of another T [s]."""
+        return dataclasses.replace(self, filters=tuple(of.over(elapsed_s) for of in self.filters))
 
     def start(self, pull_mm: Array, bend_deg: Array) -> InteractingState:
         """Return the state at the first sample: all filters are equally likely."""

@@ -45,18 +45,8 @@ class Deployment:
     bend_speed_deg_s: float  # of the fastest motion [deg / s]
 
     def fallback_at(self, sample_time: float, noise_variance: float) -> ActiveModel:
-        """Return the fallback for a sample time [s] and a sensor [deg^2].
-
-        Q is a random walk's: it grows with the time between two samples.
-        """
-        longer = sample_time / self.fallback.sample_time
-        of_bend, of_error = self.fallback.process_variance
-        return dataclasses.replace(
-            self.fallback,
-            sample_time=sample_time,
-            process_variance=(of_bend * longer, of_error * longer),
-            measurement_variance=noise_variance,
-        )
+        """Return the fallback for a sample time [s] and a sensor [deg^2]."""
+        return dataclasses.replace(self.fallback.over(sample_time), measurement_variance=noise_variance)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, as a trained file contains them."""

@@ -50,6 +50,13 @@ class Estimator(abc.ABC, Generic[State]):
         """Return the estimator that knows this much of the noise; itself, where it has no use for it."""
         return self
 
+    def over(self, elapsed_s: float) -> Self:
+        """Return the estimator whose step spans a time [s] other than its sample time, on an uneven stream.
+
+        Here itself: it counts samples. An estimator with time in its equations returns one for that time.
+        """
+        return self
+
     @abc.abstractmethod
     def start(self, pull_mm: Array, bend_deg: Array) -> State:
         """Return the state at the first sample, from pulls (B,) [mm] and first estimates (B,) [deg]."""
@@ -140,11 +147,22 @@ class SingleForm:
         """Return the state of a stream that restarts after a fault; see `Estimator.resume`."""
         return self.estimator.resume(trusted, np.array([pull_mm]), np.array([bend_deg]))
 
-    def step(self, state: Any, pull_mm: float, previous_pull_mm: float, measurement_deg: float) -> Any:
-        """Return the state one sample later; NaN is a measurement that is missing."""
+    def step(
+        self,
+        state: Any,
+        pull_mm: float,
+        previous_pull_mm: float,
+        measurement_deg: float,
+        elapsed_s: float | None = None,
+    ) -> Any:
+        """Return the state one sample later; NaN is a measurement that is missing.
+
+        The time since the last sample [s] is the sample time, if not given; see `Estimator.over`.
+        """
         now, before, measured = np.array([pull_mm]), np.array([previous_pull_mm]), np.array([measurement_deg])
         with np.errstate(all="ignore"):  # what overflows is not sound
-            return self.estimator.step(state, now, before, measured)
+            estimator = self.estimator if elapsed_s is None else self.estimator.over(elapsed_s)
+            return estimator.step(state, now, before, measured)
 
     def bend_deg(self, state: Any) -> float:
         """Return the estimate that a state holds [deg]."""

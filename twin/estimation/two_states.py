@@ -70,7 +70,8 @@ class TwoStatesForm(SingleForm):
         assert isinstance(estimator.model, ColemanHodgdon)
         self.a, self.b, self.c = (float(np.asarray(of)) for of in dataclasses.astuple(estimator.model))
         self.sample_time = estimator.sample_time
-        self.noise = estimator.process_variance
+        self.noise = of_bend, of_error = estimator.process_variance
+        self.noise_per_s = of_bend / self.sample_time, of_error / self.sample_time
         self.variance = float(np.asarray(estimator.measurement_variance).item())
         self.first = estimator.initial_variance
 
@@ -83,14 +84,22 @@ class TwoStatesForm(SingleForm):
         return self.start(pull_mm, bend_deg)
 
     def step(
-        self, state: TwoStates, pull_mm: float, previous_pull_mm: float, measurement_deg: float
+        self,
+        state: TwoStates,
+        pull_mm: float,
+        previous_pull_mm: float,
+        measurement_deg: float,
+        elapsed_s: float | None = None,
     ) -> TwoStates:
-        """Predict and update by one sample."""
+        """Predict and update by one sample; see `SingleForm.step`."""
+        T, noise = self.sample_time, self.noise
+        if elapsed_s is not None:  # as `ActiveModel.over`
+            T, noise = elapsed_s, (self.noise_per_s[0] * elapsed_s, self.noise_per_s[1] * elapsed_s)
         bend, error, p, r, q, _, _ = state
         increment = pull_mm - previous_pull_mm
         forget = self.a * abs(increment)
-        bend += forget * (self.b * pull_mm - bend) + self.c * increment + error * self.sample_time
-        p, r, q = predicted(p, r, q, 1.0 - forget, self.sample_time, self.noise)
+        bend += forget * (self.b * pull_mm - bend) + self.c * increment + error * T
+        p, r, q = predicted(p, r, q, 1.0 - forget, T, noise)
         innovation = measurement_deg - bend
         if innovation != innovation:  # NaN: nothing was measured
             return TwoStates(bend, error, p, r, q, 0.0, p + self.variance)

@@ -1,6 +1,7 @@
 """An estimator on one live stream, sample by sample, whatever comes late, twice, broken or not at all.
 
-It drives the same `start` and `step` as complete records do: an even stream gives the same bits.
+It drives the same `start` and `step` as complete records do: an even stream gives the same bits. On an uneven
+one each step spans the time that has passed.
 """
 
 import math
@@ -22,6 +23,7 @@ from twin.live.checks import (
 )
 from twin.live.reading import Health
 
+EVEN = 1e-4  # share of the sample time by which a step may differ from it and counts as even
 GAP_SAMPLES = 1.5  # a step in time longer than this many sample times is a gap
 FILL_LIMIT_S = 10.0  # a gap is filled with no more predictions than fit into this time
 FILL_LIMIT_SAMPLES = 2000  # and with no more than these: the next sample waits for them
@@ -90,7 +92,7 @@ class OnlineEstimator(Generic[State]):
         self.state: State | None = None
         self.pull_mm = math.nan
         self._held_s = 0.0  # since the last pull
-        self._gap_s = GAP_SAMPLES * sample_time
+        self._gap_s, self._uneven_s = GAP_SAMPLES * sample_time, EVEN * sample_time
         self._wild_deg = WILD * self.limits.bend_deg
         largest = sys.float_info.max
         self._most_deg, self._most_mm = min(self.limits.bend_deg, largest), min(self.limits.pull_mm, largest)
@@ -126,7 +128,8 @@ class OnlineEstimator(Generic[State]):
         stamps go on from each other for a second, the stream goes on by this new clock. A sample
         more than 1.5 sample times after the last ends a gap: the samples between are predicted without a
         measurement along the straight line between the two pulls, as many as fit; after more than 10 s, as
-        many as fit into 10 s, in larger steps. One that comes early is a sample like any other.
+        many as fit into 10 s, in larger steps. One that comes early is a sample like any other. A step spans
+        the time since the sample before, or the sample time where both are equal to 1 part in 10,000.
 
         A pull or a measurement counts as missing if it is not finite, beyond its limit, or too far from the
         last pull or estimate; the last pull is then held. A value that is not a real number raises
@@ -190,8 +193,9 @@ class OnlineEstimator(Generic[State]):
                     self._far_pulls.clear()
 
         travel_mm = abs(pull_mm - self.pull_mm)
+        left_s = elapsed_s
         if elapsed_s > self._gap_s or travel_mm > self._jump_mm:
-            self._fill(elapsed_s, pull_mm, travel_mm)
+            left_s = self._fill(elapsed_s, pull_mm, travel_mm)
         if measurement_deg != measurement_deg:  # NaN
             self._gate.widen(elapsed_s)
         elif self._gate.passes(abs(measurement_deg - self.bend_deg)):
@@ -204,28 +208,34 @@ class OnlineEstimator(Generic[State]):
             if accepted and self._restart_at(self._outliers):
                 return
             measurement_deg = math.nan
-        self._step(pull_mm, measurement_deg)
+        self._step(pull_mm, measurement_deg, left_s)
         if measurement_deg == measurement_deg and self._bias.is_biased(measurement_deg - self.bend_deg):
             self._restart(pull_mm, self.bend_deg + self._bias.offset_deg)
 
-    def _fill(self, elapsed_s: float, pull_mm: float, travel_mm: float) -> None:
-        between = 0
+    def _fill(self, elapsed_s: float, pull_mm: float, travel_mm: float) -> float:
+        """Predict the samples of a gap, or a long move in pieces; return the time left for the sample [s]."""
+        between, step_s = 0, self.sample_time
         if elapsed_s > self._gap_s:
             samples = elapsed_s / self.sample_time
             between = round(min(samples, FILL_LIMIT_S / self.sample_time + 1, FILL_LIMIT_SAMPLES + 1)) - 1
             self.filled += between
             self.faults |= _GAP
+            elapsed_s = min(elapsed_s, between * step_s + self._gap_s)  # less, where more would not fit
         longest = self._jump_mm
         if not between:
             longest += self._speed_mm_s * self.sample_time
         if travel_mm > longest * (between + 1):
             between = min(math.ceil(travel_mm / WALK_MM), FILL_LIMIT_SAMPLES)
+            step_s = elapsed_s / (between + 1)
         for pull in np.linspace(self.pull_mm, pull_mm, between + 2)[1:-1].tolist() if between else ():
-            self._step(pull, math.nan)
+            self._step(pull, math.nan, step_s)
+        return elapsed_s - between * step_s
 
-    def _step(self, pull_mm: float, measurement_deg: float) -> None:
+    def _step(self, pull_mm: float, measurement_deg: float, elapsed_s: float) -> None:
         assert self.state is not None
-        if self._accept(self.form.step(self.state, pull_mm, self.pull_mm, measurement_deg), pull_mm):
+        uneven_s = elapsed_s if abs(elapsed_s - self.sample_time) > self._uneven_s else None
+        state = self.form.step(self.state, pull_mm, self.pull_mm, measurement_deg, uneven_s)
+        if self._accept(state, pull_mm):
             self._refused_in_a_row = 0
             return
         self.faults |= _REFUSED
@@ -250,7 +260,7 @@ class OnlineEstimator(Generic[State]):
         first, rest = found
         self._restart(*first)
         for sample in rest:
-            self._step(*sample)
+            self._step(*sample, self.sample_time)
         return True
 
     def _restart_after_faults(self) -> None:

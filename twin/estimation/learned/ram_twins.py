@@ -48,6 +48,12 @@ class RamTwins(LearnedStep):
         """Return the estimator for another T [s]."""
         return dataclasses.replace(self, sample_time=sample_time)
 
+    def over(self, elapsed_s: float) -> Self:
+        """Return the estimator of another T [s], with the same twins, at their control period."""
+        other = dataclasses.replace(self, sample_time=elapsed_s)
+        vars(other)["members"] = self.members
+        return other
+
     def start(self, pull_mm: Array, bend_deg: Array) -> StepState:
         """Return the state at the first sample; the initial estimate is returned there and not used."""
         batch = len(pull_mm)
@@ -72,7 +78,7 @@ class RamTwins(LearnedStep):
         self, following: "Following", pull_mm: Array, previous_pull_mm: Array
     ) -> tuple[dict[str, Array], "Following"]:
         """Step the members along the command, and return what they predict."""
-        after = self.members.step(following, pull_mm)
+        after = self.members.step(following, pull_mm, self.sample_time)
         return {"members_deg": after.of_filters(), "way_mm": np.abs(pull_mm - previous_pull_mm)}, after
 
     @property

@@ -138,6 +138,10 @@ class LearnedStep(Estimator[StepState]):
             )
         return dataclasses.replace(self, sample_time=sample_time)
 
+    def over(self, elapsed_s: float) -> Self:
+        """Return the estimator of another T [s]; itself, where it was trained at one T alone."""
+        return self if self.trained_at is not None else dataclasses.replace(self, sample_time=elapsed_s)
+
     @functools.cached_property
     def _constants(self) -> dict[int, dict[str, Array]]:
         return {}
@@ -210,7 +214,8 @@ class LearnedForm(SingleForm):
 
     def __init__(self, estimator: LearnedStep):
         super().__init__(estimator)
-        self._network, self._follow = estimator.network, estimator.follow
+        self._network = estimator.network
+        self._learned = self._at = estimator  # as trained, and at the T of the last sample
         self._bound = BoundFile(estimator.network.file)
         for name, values in estimator.constants(1).items():
             if name in self._network.inputs:
@@ -220,11 +225,21 @@ class LearnedForm(SingleForm):
         self._memory = [self._bound.inputs[name] for name in self._network.state]
 
     def step(
-        self, state: StepState, pull_mm: float, previous_pull_mm: float, measurement_deg: float
+        self,
+        state: StepState,
+        pull_mm: float,
+        previous_pull_mm: float,
+        measurement_deg: float,
+        elapsed_s: float | None = None,
     ) -> StepState:
-        """Return the state one sample later."""
+        """Return the state one sample later; see `SingleForm.step`."""
+        estimator = self._learned if elapsed_s is None else self._learned.over(elapsed_s)
+        if estimator is not self._at:
+            self._at = estimator
+            if "sample_time" in self._network.inputs:
+                self._bound.inputs["sample_time"][...] = estimator.sample_time
         with np.errstate(all="ignore"):  # what overflows is not sound
-            inputs, following = self._follow(
+            inputs, following = estimator.follow(
                 state.following, np.array([pull_mm]), np.array([previous_pull_mm])
             )
         for name, array in self._given:
