@@ -15,6 +15,7 @@ class Lag:
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
         self._samples = deque[tuple[float, float]]()  # times [s] and pulls [mm], from the lag on
+        self._then = math.nan  # time that the latest reading is from [s]
 
     def pull_mm(self, time_s: float, pull_mm: float) -> float:
         """Take in a sample; return the pull at the time that its reading is from [mm], linear in between.
@@ -30,7 +31,7 @@ class Lag:
             pull_mm = samples[-1][1] if samples else math.nan
         if pull_mm == pull_mm:
             samples.append((time_s, pull_mm))
-        then = time_s - self.seconds
+        self._then = then = time_s - self.seconds
         while len(samples) > 1 and samples[1][0] <= then:
             samples.popleft()
         if len(samples) < 2 or samples[0][0] >= then:  # it rested before the first
@@ -42,10 +43,11 @@ class Lag:
         """Return the state of an estimator now, predicted along the pulls since the time of its reading."""
         state, form, pull_mm = online.state, online.form, online.pull_mm
         reach = online.limits.pull_jump_mm + online.limits.pull_speed_mm_s * self.seconds
-        for number, (_, pull) in enumerate(self._samples):
-            if number and abs(pull - pull_mm) <= reach:  # no wrong pull is followed
-                ahead = form.step(state, pull, pull_mm, math.nan)
+        before = self._then
+        for time_s, pull in self._samples:
+            if time_s > before and abs(pull - pull_mm) <= reach:  # no wrong pull is followed
+                ahead = form.step(state, pull, pull_mm, math.nan, online.uneven_s(time_s - before))
                 if not form.is_sound(ahead):
                     break
-                state, pull_mm = ahead, pull
+                state, pull_mm, before = ahead, pull, time_s
         return state

@@ -231,9 +231,13 @@ class OnlineEstimator(Generic[State]):
             self._step(pull, math.nan, step_s)
         return elapsed_s - between * step_s
 
+    def uneven_s(self, elapsed_s: float) -> float | None:
+        """Return a time that a step is to span [s]; None where it is the sample time."""
+        return elapsed_s if abs(elapsed_s - self.sample_time) > self._uneven_s else None
+
     def _step(self, pull_mm: float, measurement_deg: float, elapsed_s: float) -> None:
         assert self.state is not None
-        uneven_s = elapsed_s if abs(elapsed_s - self.sample_time) > self._uneven_s else None
+        uneven_s = self.uneven_s(elapsed_s)
         state = self.form.step(self.state, pull_mm, self.pull_mm, measurement_deg, uneven_s)
         if self._accept(state, pull_mm):
             self._refused_in_a_row = 0
