@@ -8,7 +8,7 @@ from twin.mechanics.friction import element_friction, friction_per_tension
 from twin.mechanics.kernels import COMPILED
 from twin.physics import Endoscope
 from twin.physics import load as load_module
-from twin.physics.load import Loads, Rewritten, Wires, follow_load
+from twin.physics.load import SLACK_SHARE, Loads, Rewritten, Wires, follow_load
 
 STIFFENING = PLAIN.replace(wire_stiffening=0.2, wire_damping=2.0, bending_planes=2)
 PRESETS = [STIFFENING, STIFFENING.replace(wire_stiffness=2e4, sheath_friction=0.05, pretension=9.0)]
@@ -59,4 +59,21 @@ def test_damping_makes_the_springs_implicit_where_they_are_or_will_be_taut(rewri
     assert 0 < (expected == 0).sum() < expected.size
     assert ((slack > 0) & ~stays_slack).any()
     np.testing.assert_allclose(out.damping, expected, rtol=1e-12)
-    np.testing.assert_allclose(out.inertia, STIFFENING.time_step * expected, rtol=1e-12)
+
+
+def test_inertia_is_that_of_the_stiffness_to_come_and_half_of_it_where_a_wire_stays_slack(rewritten):
+    wires, qpos, qvel, out = rewritten
+    ahead = qpos + 2 * STIFFENING.control_period * qvel
+    (tension, slack), (later, slack_later) = (wires.tension_and_slack(at) for at in (qpos, ahead))
+    stiffness = np.sqrt(wires.stiffness**2 + 4 * wires.quadratic * np.maximum(tension, later))  # dT/dx
+    own = STIFFENING.wire_damping * (ELEMENTS + 1)
+    share = np.where((slack > 0) & (slack_later > 0), SLACK_SHARE, 1.0)
+    expected = share * STIFFENING.time_step * (own + STIFFENING.time_step * stiffness)
+    np.testing.assert_allclose(out.inertia, expected, rtol=1e-12)
+
+
+def test_a_wire_that_is_not_there_has_no_inertia():
+    endoscope = Endoscope.from_preset(PLAIN.replace(wires_per_plane=1))
+    inertia = endoscope.model.ptr.tendon_armature[endoscope.layout.wire]
+    assert (inertia[0] > 0).all()
+    assert (inertia[1] == 0).all()

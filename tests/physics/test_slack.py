@@ -1,10 +1,12 @@
 """Wires pull and never push: their tension is the force that acts, and where there is none they are slack."""
 
 import numpy as np
-from both_twins import MUJOCO
+import pytest
+from both_twins import MUJOCO, REDUCED
 from driven_endoscope import AMPLITUDE, PRESET, SAMPLE_TIME, loop_of, ramp_and_rest, sine
 
 from twin.physics import Endoscope
+from twin.preset.preset import Preset
 
 
 def test_tension_is_the_force_that_acts_and_never_pushes():
@@ -46,3 +48,30 @@ def test_opposite_pulls_bend_to_opposite_sides_and_bend_rises_with_pull(twin):
     moving = up.bend[: len(up.bend) - 50]
     assert (np.diff(moving) >= -1e-9).all()
     assert moving[-1] > 1.0
+
+
+@pytest.mark.parametrize("time_step", [2.5e-3, 1.25e-3, 6.25e-4])
+@pytest.mark.parametrize("period", [1.0, 0.4])
+def test_slack_wire_that_slides_easily_and_stiffens_is_stable_at_any_time_step(time_step, period):
+    """An element that slides pulls its neighbour from slack to many times its stiffness within a period."""
+    preset = Preset(
+        "slack",
+        vertebrae=8,
+        section_stiffness=0.03,
+        section_damping=0.0,
+        joint_friction=3e-4,
+        wire_offset=2.2e-3,
+        routing_friction=0.5,
+        wire_stiffness=4e3,
+        wire_stiffening=1.3,
+        wire_damping=0.0,
+        wire_slack=1e-5,
+        sheath_friction=0.0,
+        sheath_friction_floor=0.03,
+        time_step=time_step,
+    )
+    pull = sine(period, 3.0 / period)
+    bend, expected = (one.simulate(preset, pull, SAMPLE_TIME).bend for one in (MUJOCO, REDUCED))
+    off = (bend - expected) / np.ptp(expected)
+    assert np.sqrt(np.mean(off**2)) < 0.01
+    assert np.abs(off).max() < 0.03

@@ -1,7 +1,7 @@
 """Load-dependent forces in batches: friction and damping of MuJoCo's models, from the tension of the wires.
 
 MuJoCo knows one constant friction force per joint. Here it is rewritten, once per control period, from where
-the wires are; so are damping and inertia of the wires, which must vanish with their tension.
+the wires are; so is the damping of the wires, which must vanish with their tension, and their inertia.
 """
 
 import math
@@ -22,7 +22,7 @@ from twin.mechanics.friction import (
     joint_friction,
 )
 from twin.mechanics.kernels import entry
-from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiffness, tension_at
+from twin.mechanics.wire import ABSENT, quadratic_stiffness, rest_stretch, segment_stiffness, tension_at
 from twin.physics.layout import Index, Layout, consecutive
 from twin.physics.shared_friction import SharedFriction, Sticking
 from twin.preset.preset import Preset
@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping", "tendon_armature", "wrap_prm")
 """Fields of MuJoCo's models that follow the load."""
 NEARLY_TAUT = 1e-6  # slack up to which a wire counts as taut [m]
+# Share of their inertia that slack segments keep. A chain of them that turns taut is stable, until the next
+# update, up to a stiffness of 0.4 + 4 * share times that without tension. A larger share delays what slides.
+SLACK_SHARE = 0.5
 
 
 class Rewritten(NamedTuple):
@@ -42,7 +45,7 @@ class Rewritten(NamedTuple):
     sheath: Array  # breakaway friction of the sheath elements, (B, wires, elements) [N]
     joints: Array  # breakaway friction of each hinge of a group, (B, planes, groups) [N m]
     damping: Array  # of the wire segments, (B, wires, elements + 1) [N s / m]
-    inertia: Array  # time step times damping, (B, wires, elements + 1) [kg]: see `model.py`
+    inertia: Array  # of the wire segments, (B, wires, elements + 1) [kg]: see `model.py`
     loss: Array  # friction of pairs of neighbours, along and across, (B, 2, pairs); none with one plane
     coefficient: Array  # of their tendons, (B, 2, wraps); likewise
 
@@ -72,6 +75,10 @@ def follow_load(
     holds, besides the wire's own, time step times stiffness: with it, and with as much inertia times the time
     step, a step is one of backward Euler (`model.py`). A segment that will be taut before the next update has
     it already.
+
+    Inertia has the stiffness expected at the next update, and segments that are slack keep a share of it: an
+    element that slides may pull its neighbours taut within the period, and a chain of taut segments diverges
+    at any time step where this inertia is missing. Unlike damping, it does not drag.
 
     `half_share` (B,) is half the friction of an element per unit of the tension on both its sides [-],
     `floor` (B,) its friction that does not depend on the tension [N].
@@ -103,11 +110,15 @@ def follow_load(
                     tension = taut * (stiffness + quadratic * taut)
                     if i > 0:
                         rewritten.sheath[b, w, i - 1] = half_share[b] * (tension + before) + floor[b]
-                    damping = 0.0
+                    damping, inertia = 0.0, 0.0
+                    stiffest = own + time_step * (stiffness + 2 * quadratic * max(taut, soon))
                     if max(stretch, soon) > -NEARLY_TAUT:
                         damping = own + time_step * (stiffness + 2 * quadratic * taut)
+                        inertia = time_step * stiffest
+                    elif stretch > -ABSENT / 2:
+                        inertia = SLACK_SHARE * time_step * stiffest
                     rewritten.damping[b, w, i] = damping
-                    rewritten.inertia[b, w, i] = time_step * damping
+                    rewritten.inertia[b, w, i] = inertia
                     before, start, start_rate = tension, end, end_rate
                 at_tip += before
 
