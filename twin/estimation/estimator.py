@@ -89,6 +89,13 @@ class Estimator(abc.ABC, Generic[State]):
         """Return half of the (B,) 95 % intervals about the estimates [deg], where it states them."""
         raise NotImplementedError
 
+    def model_error_deg(self, state: State) -> tuple[float, float]:
+        """Return what no twin explains of the angle of one stream, and its standard deviation [deg].
+
+        Zero where the estimator has no such state.
+        """
+        return 0.0, 0.0
+
     def estimate(self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike) -> Array:
         """Filter whole records, as `estimate_with_interval` does; a faster form may stand in its place."""
         return self.estimate_with_interval(pull_mm, measurement_deg, initial_bend_deg)[0]
@@ -171,6 +178,10 @@ class SingleForm:
     def half_width_deg(self, state: Any) -> float:
         """Return half of its 95 % interval [deg], where it states one."""
         return float(self.estimator.half_width_deg(state)[0])
+
+    def model_error_deg(self, state: Any) -> tuple[float, float]:
+        """Return what no twin explains, and its standard deviation [deg]; see `Estimator.model_error_deg`."""
+        return self.estimator.model_error_deg(state)
 
     def is_sound(self, state: Any) -> bool:
         """Return whether every number of a state is finite and possible, and variances are positive."""

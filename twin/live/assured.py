@@ -17,7 +17,7 @@ from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.load import load_estimator_at
 from twin.estimation.registry import method_specs
 from twin.estimation.two_states import TwoStates
-from twin.live.checks import StreamLimits, StuckSensor, real_number
+from twin.live.checks import OFFSET_SHARE, OffsetDetector, StreamLimits, StuckSensor, real_number
 from twin.live.lag import Lag
 from twin.live.monitor import Monitor
 from twin.live.online import OnlineEstimator
@@ -37,6 +37,7 @@ _UNMEASURED = (_MISSING | Health.RESTARTED | Health.REFUSED).value  # the measur
 _BLIND = (_MISSING | Health.GAP).value  # something at or before the sample was predicted without measurement
 _UNCOMMANDED = (Health.NO_PULL | Health.IMPLAUSIBLE_PULL).value
 _ADVANCED, _NO_ALARM = Source.ADVANCED, Alarm.NONE
+_OFFSET = Alarm.OFFSET.value
 _INPUT, _LOST, _DISTRUSTED = Alarm.INPUT.value, Alarm.LOST.value, DISTRUSTED.value
 _RESTARTED, _REFUSED = Health.RESTARTED.value, Health.REFUSED.value
 
@@ -81,7 +82,7 @@ class AssuredEstimator:
         self.fallback = OnlineEstimator(fallback, self.sample_time, initial_bend_deg, limits)
         self.noise_variance = float(np.asarray(fallback.measurement_variance))
         self._monitor = Monitor(deployment, self.sample_time, self.noise_variance)
-        self._stuck = StuckSensor()
+        self._stuck, self._offset = StuckSensor(), OffsetDetector(self.sample_time)
         self.sensor = sensor
         self._lag = Lag(sensor.lag_s) if sensor.lag_s else None
         self.present: Any = None
@@ -133,6 +134,9 @@ class AssuredEstimator:
         alarms, half_width, fallback_half_width = self._judge(state, elapsed, bend, fallback_deg, faults)
         if stuck:
             alarms |= Alarm.STUCK.value
+        if self._own_physics:
+            error, deviation = self.advanced.form.model_error_deg(self.advanced.state)
+            alarms |= _OFFSET * self._offset.is_off(error, deviation)
         if alarms == 0 and self._trusted and self._weight == 1.0:  # as it should be
             self._bad = 0
             return self._read(bend, half_width, _ADVANCED, alarms)
@@ -219,8 +223,11 @@ class AssuredEstimator:
             moved, wider = self._until_now(self._lag)
             bend, half_width = bend + moved, min(half_width + wider, UNKNOWN_DEG)
         raised = Alarm(alarms) if alarms else _NO_ALARM
-        health = self.advanced.health
-        self.reading = Reading(bend, bend - half_width, bend + half_width, source, health, raised)
+        low, high = bend - half_width, bend + half_width
+        if alarms & _OFFSET:
+            offset = OFFSET_SHARE * self._offset.offset_deg
+            low, high = low - max(offset, 0.0), high - min(offset, 0.0)
+        self.reading = Reading(bend, low, high, source, self.advanced.health, raised)
         return self.reading
 
     def _until_now(self, lag: Lag) -> tuple[float, float]:

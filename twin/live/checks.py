@@ -20,6 +20,10 @@ from twin.signals.sensor import LARGEST_BEND_DEG, LARGEST_PULL_MM, LARGEST_TIME_
 
 FEWEST, MOST = 5, 500
 """Least and largest number of samples that must agree before they are accepted, at any sample time."""
+OFFSET_SHARE = 1.5
+"""Times the largest error that an interval includes: weights and noise models have taken a part of an offset."""
+OFFSET_S, OFFSET_DEG, OFFSET_DEVIATIONS = 1.0, 0.7, 4.0
+"""Time for which measurements are off all twins, and by how much at least, in degrees and deviations."""
 FIRST_DEG = 27.0  # distance that is expected before anything is known: a first estimate may be 20 deg off
 _GOOD = Health.GOOD  # looked up once: an attribute of an enumeration takes as long as ten sums
 
@@ -43,6 +47,31 @@ class StreamLimits:
         for name, limit in vars(self).items():
             if not 0 <= limit <= math.inf:
                 raise InputError(f"{name} = {limit}: must be a number that is not negative")
+
+
+class OffsetDetector:
+    """Detection of measurements that stay off all twins: a sensor that has moved, or another endoscope.
+
+    Measurements cannot distinguish the two. So the error is reported, for the interval to include both.
+    """
+
+    def __init__(self, sample_time: float):
+        self._lasting = max(round(OFFSET_S / sample_time), 2)
+        self._far = self._near = 0  # samples in a row
+        self._off = False
+        self.offset_deg = 0.0  # largest error since it is off: the weights of twins adapt to an offset [deg]
+
+    def is_off(self, error_deg: float, deviation_deg: float) -> bool:
+        """Take in what no twin explains and its standard deviation [deg]; return whether it is an offset."""
+        limit = max(OFFSET_DEG, OFFSET_DEVIATIONS * deviation_deg)
+        self._far = self._far + 1 if abs(error_deg) > limit else 0
+        self._near = self._near + 1 if abs(error_deg) < limit / 2 else 0
+        self._off = self._far >= self._lasting or (self._off and self._near < 5 * self._lasting)
+        if not self._off and not self._far:
+            self.offset_deg = 0.0
+        elif abs(error_deg) > abs(self.offset_deg):
+            self.offset_deg = error_deg
+        return self._off
 
 
 def real_number(name: str, value: Any) -> float:

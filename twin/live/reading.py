@@ -48,6 +48,7 @@ class Alarm(enum.Flag):
     TIMEOUT = enum.auto()  # no measurement has come for too long
     INPUT = enum.auto()  # this sample was faulty (`Reading.health`), or is far from both predictions
     BEGINNING = enum.auto()  # too few samples have come to judge
+    OFFSET = enum.auto()  # measurements have been off all twins for a second: the interval includes both
 
 
 class Source(enum.Enum):

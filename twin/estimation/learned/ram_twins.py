@@ -74,6 +74,12 @@ class RamTwins(LearnedStep):
         memory["rows_covariance"][:, -1, -1] += off**2
         return StepState(tuple(memory.values()), following, bend_deg.copy(), trusted.half_width_deg)
 
+    def model_error_deg(self, state: StepState) -> tuple[float, float]:
+        """Return the d of a state of one filter, by the likelihood of its noise models, and its deviation."""
+        rows, evidence, covariance = (np.asarray(state.memory[place][0], float) for place in _OF_BANK)
+        likely = np.exp(evidence - evidence.max())
+        return float(likely @ rows[:, -1] / likely.sum()), float(np.sqrt(max(covariance[-1, -1], 0.0)))
+
     def follow(
         self, following: "Following", pull_mm: Array, previous_pull_mm: Array
     ) -> tuple[dict[str, Array], "Following"]:
@@ -100,6 +106,7 @@ class RamTwins(LearnedStep):
 
 
 _ROWS, _EVIDENCE = (STATE.index(name) for name in ("rows", "evidence"))
+_OF_BANK = [STATE.index(name) for name in ("rows", "evidence", "rows_covariance")]
 _COVARIANCES = [STATE.index(name) for name in ("covariance", "rows_covariance")]
 
 
