@@ -33,7 +33,7 @@ from twin.reduced import simulate_batch
 from twin.reduced.members import check_members
 from twin.signals.excitation import SIGNALS, command
 from twin.signals.noise import draw_noise, noise_bound, noise_variance
-from twin.signals.sensor import smoothed
+from twin.signals.sensor import smoothed, smoothing_deviation
 
 Array = NDArray[np.float64]
 Stroke = tuple[float, float]  # lowest and highest pull [mm]
@@ -88,6 +88,7 @@ class GateMaterial:
     preset: Preset  # the endoscope that it is to run on
     ranges: Ranges  # what varies from one of them to the next
     logs: tuple[Record, ...]  # of the user, each from its first known angle on; may be none
+    log_deviations_deg: tuple[float, ...]  # of the angle of each log, which is smoothed
     sheath_bends: tuple[Array, ...]  # (N,) of each log, empty where it was not recorded [rad]
     stroke_mm: Stroke  # within which twins are pulled [mm]
     sample_time: float  # T [s]
@@ -203,7 +204,9 @@ class GateMaterial:
             for case in cases
         ]
         units = [log.name for log in self.logs]
-        return run_trials(self.estimator, self.rival, cases, units, 0, self.part(0.1, 1.0))
+        deviation = np.repeat(self.log_deviations_deg, self.size.log_draws)
+        progress = self.part(0.1, 1.0)
+        return run_trials(self.estimator, self.rival, cases, units, 0, progress, deviation)
 
 
 def draw_commands(
@@ -313,29 +316,34 @@ def gather(
     estimator, T = load_estimator_at(file, sample_time)
     check_members([preset])
     at_sample_time(preset, T)
-    logs, sheath_bends = [], []
+    logs, deviations, sheath_bends = [], [], []
     for number, episode in enumerate(episodes):
-        log, sheath_bend = _log_of(episode, T, number, size.log_samples, sensor)
+        log, deviation, sheath_bend = _log_of(episode, T, number, size.log_samples, sensor)
         logs.append(log)
+        deviations.append(deviation)
         sheath_bends.append(sheath_bend)
     stroke = stroke_mm or _trained_stroke(file.description, preset) or _logged_stroke(logs) or STROKE_MM
     if not stroke[0] < stroke[1]:
         raise InputError(f"stroke_mm = {shown(stroke)}: must rise")
     check_reached(preset, stroke)
     return GateMaterial(
-        *(path, file, estimator, preset, ranges, tuple(logs), tuple(sheath_bends), stroke, T, seed, size),
+        *(path, file, estimator, preset, ranges, tuple(logs), tuple(deviations), tuple(sheath_bends)),
+        *(stroke, T, seed, size),
         sensor=sensor,
     )
 
 
 def _log_of(
     episode: Episode, sample_time: float, number: int, most: int, sensor: SensorModel
-) -> tuple[Record, Array]:
+) -> tuple[Record, float, Array]:
     """Return a log from its first known angle on, and its sheath bend where it was recorded [rad].
 
-    Measured angles are corrected for the sensor, and smoothed: a twin is not compared with noise.
+    Measured angles are corrected for the sensor, and smoothed: a twin is not compared with noise. Returned too
+    is the standard deviation that is left [deg].
     """
+    deviation = 0.0
     if episode.is_measured:
+        deviation = smoothing_deviation(episode.time, episode.measured_deg) / sensor.scale
         smooth = smoothed(episode.time, episode.measured_deg)
         angle = np.radians(sensor.angles_deg(episode.time, smooth))
         episode = dataclasses.replace(episode, measured_bend=angle)
@@ -349,7 +357,7 @@ def _log_of(
             f"the gate needs {LEAST_LOG} samples"
         )
     bend = even.sheath_bend[first:][:most] if even.sheath_bend.size else np.empty(0)
-    return record.part(first, first + most), bend
+    return record.part(first, first + most), deviation, bend
 
 
 def _trained_stroke(description: Mapping[str, Any], preset: Preset) -> Stroke | None:

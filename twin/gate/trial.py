@@ -99,8 +99,13 @@ def run_trials(
     units: Sequence[Any],
     left_out: int,
     on_progress: Callable[[int, int], None],
+    truth_deviation_deg: Array | float = 0.0,
 ) -> list[PairedTrial]:
-    """Run two estimators on all noises at once; the first sample, which is given, is not scored."""
+    """Run two estimators on all noises at once; the first sample, which is given, is not scored.
+
+    What counts as the truth of a run has a standard deviation of its own, scalar or (runs,), by which stated
+    intervals are wider [deg].
+    """
     case = joined_cases(cases)
     measured, truth = case.measurement_deg, np.asarray(case.truth_deg)
     runs = case.pull_mm, measured, case.initial_bend_deg
@@ -124,6 +129,8 @@ def run_trials(
         errors, rival_errors = mean(square), mean(rivals)
         stated: list[Any] = [(None, None, None)] * len(cases)
         if half is not None:
+            of_truth = DEVIATIONS_OF_95 * np.resize(truth_deviation_deg, len(truth))[:, None]
+            half = np.hypot(half, of_truth)
             normalised = (square / np.maximum(half / DEVIATIONS_OF_95, 1e-9) ** 2).clip(max=1e6)
             covered = (np.abs(bend - truth) <= half).astype(float)
             widths = np.nan_to_num(half, nan=1e6, posinf=1e6)

@@ -85,6 +85,19 @@ def smoothed(time: Array, reading: Array) -> Array:
     return smooth
 
 
+def smoothing_deviation(time: Array, reading: Array) -> float:
+    """Return the standard deviation of `smoothed` readings (N,): by how much their halves disagree, over two.
+
+    A half has twice the variance of all. Zero for a log that is too short to be smoothed.
+    """
+    known = np.flatnonzero(np.isfinite(reading))
+    if len(known) < 2 * _FEWEST:
+        return 0.0
+    one, other = (smoothed(time[half], reading[half]) for half in (known[::2], known[1::2]))
+    difference = np.interp(time[known[::2]], time[known[1::2]], other) - one
+    return float(np.std(difference)) / 2
+
+
 _THIRD = np.array([1.0, -3.0, 3.0, -1.0])  # of a third difference, which no parabola has
 _BLOCK = 20  # samples over which residuals are averaged
 _MEDIAN = 0.9  # median of such a mean over the variance: 0.92 of normal noise, 0.86 of a skewed or heavy one
