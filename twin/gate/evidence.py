@@ -338,8 +338,8 @@ def _log_of(
 ) -> tuple[Record, float, Array]:
     """Return a log from its first known angle on, and its sheath bend where it was recorded [rad].
 
-    Measured angles are corrected for the sensor, and smoothed: a twin is not compared with noise. Returned too
-    is the standard deviation that is left [deg].
+    Measured angles are corrected for the sensor, and smoothed: a twin is not compared with noise. The
+    standard deviation of what is left is returned too [deg].
     """
     deviation = 0.0
     if episode.is_measured:

@@ -86,16 +86,19 @@ def smoothed(time: Array, reading: Array) -> Array:
 
 
 def smoothing_deviation(time: Array, reading: Array) -> float:
-    """Return the standard deviation of `smoothed` readings (N,): by how much their halves disagree, over two.
+    """Return the standard deviation of `smoothed` readings (N,), by those of halves against the other half.
 
-    A half has twice the variance of all. Zero for a log that is too short to be smoothed.
+    Halves disagree by twice the deviation of all; beyond their noise, readings are off the other half by no
+    less than the deviation, with what was smoothed too far. The larger counts. Zero for a short log.
     """
     known = np.flatnonzero(np.isfinite(reading))
     if len(known) < 2 * _FEWEST:
         return 0.0
-    one, other = (smoothed(time[half], reading[half]) for half in (known[::2], known[1::2]))
-    difference = np.interp(time[known[::2]], time[known[1::2]], other) - one
-    return float(np.std(difference)) / 2
+    half, rest = known[::2], known[1::2]
+    one, other = (smoothed(time[of], reading[of]) for of in (half, rest))
+    predicted = np.interp(time[half], time[rest], other)
+    beyond = np.mean((reading[half] - predicted) ** 2) - estimated_variance(reading)
+    return float(max(np.std(predicted - one) / 2, math.sqrt(max(beyond, 0.0))))
 
 
 _THIRD = np.array([1.0, -3.0, 3.0, -1.0])  # of a third difference, which no parabola has
