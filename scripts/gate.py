@@ -31,7 +31,8 @@ class Gate(Options):
     out: Path = Path("gate.html")
     """Page to write; gate.json is written next to it."""
     sample_time: float | None = None
-    """T [s]; that of the training, if not given. Only RAM (twins) and RAM (memory) run at another."""
+    """T [s]; that of the preset's sensor or, if it states none, of the training. What was trained on records
+    runs at that alone."""
     stroke: tuple[float, float] | None = None
     """Pulls that twins are tried on [mm]; those of the training, if not given, else those of the logs."""
     sensor_zero_deg: float | None = None

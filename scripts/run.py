@@ -45,7 +45,8 @@ class Run:
     """Recording of the run: NAME.mcap, in which several records of a log follow one another; or, for a log, a
     folder, with a file for each record."""
     sample_time: float | None = None
-    """T [s]; that of the training, if not given. A log is thinned to about it."""
+    """T [s]; if not given, that of the sensor where the trained file states one, or of the training. A log is
+    thinned to about it."""
     noise_variance: float | None = None
     """R of the sensor [deg^2]; if not given, as estimated from a log, and live as in the trained file."""
     sensor_zero_deg: float | None = None

@@ -12,7 +12,8 @@ from twin.files.assets import assets_folder
 from twin.files.atomic import write_whole
 
 SAMPLES = {
-    "bench.csv": "a minute of a ureteroscope: time, pull, angle",
+    "bench.csv": "90 s of a ureteroscope: time, pull, and an angle that a camera of 30 Hz sees",
+    "bench.jsonl": "a live stream of the same bench, a JSON object each",
     "loop_000.csv": "loops of a manipulator, its sheath straight: time, command, angle, tensions",
     "loop_030.csv": "the same, its sheath bent by 30 deg",
     "loop_090.csv": "the same, by 90 deg",

@@ -18,6 +18,7 @@ from twin.files.atomic import write_whole
 from twin.preset.file import load_preset
 from twin.preset.preset import Preset
 from twin.preset.randomization import load_ranges
+from twin.preset.sensor import SensorModel
 from twin.simulation import simulate
 
 Array = NDArray[np.float64]
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 SAMPLE_TIME = 0.1
 NOISE_DEG2 = 0.2  # variance of the noise of every sample's sensor
 LOOP_BENDS_DEG = (0, 30, 90, 180)
+CAMERA = SensorModel(variance_deg2=0.36, zero_deg=2.0, lag_s=0.066, rate_hz=30.0)  # that watches the bench
+MISSING = 0.05  # share of its readings
 SEED = 19
 
 
@@ -41,6 +44,7 @@ def make_samples(folder: Path) -> None:
     ):
         write_whole(folder / f"{name}.csv", _table(columns))
     write_whole(folder / "samples.jsonl", _stream(endoscope, generator))
+    write_whole(folder / "bench.jsonl", _bench_stream(endoscope, generator))
     shutil.rmtree(folder / "dataset", ignore_errors=True)
     recipe = Recipe(
         load_preset("ureteroscope"), ((-1.0, 1.0),), seconds=10.0, sample_time_s=SAMPLE_TIME, episodes=2
@@ -50,12 +54,34 @@ def make_samples(folder: Path) -> None:
 
 
 def _bench(preset: Preset, generator: np.random.Generator) -> dict[str, Array]:
-    """A minute of slow pulls over the stroke, with reversals in between."""
-    time = np.arange(0, 60, SAMPLE_TIME)
-    turns = ((0, 0.0), (9, 3.0), (15, 1.0), (21, 2.5), (36, -3.0), (42, -1.0), (47, -2.5), (60, 1.5))
+    """A minute and a half of pulls over the stroke, with reversals in between, watched by a camera."""
+    time = np.arange(0, 90, 1 / CAMERA.rate_hz)
+    turns = (
+        *((0, 0.0), (9, 3.0), (13, 1.0), (17, 2.5), (29, -3.0), (33, -1.0), (37, -2.5), (44, 1.5), (46, 0.0)),
+        *((50, 3.0), (52, 2.0), (54, 2.8), (62, -2.0), (64, -1.0), (66, -3.0), (72, 2.0), (74, 2.0)),
+        *((76, 0.5), (79, 2.0), (84, -1.5), (90, 0.5)),
+    )
     pull = _along(time, turns)
-    bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).truth_deg
-    return {"time_s": time, "pull_mm": pull, "angle_deg": _seen(bend, generator)}
+    return {"time_s": time, "pull_mm": pull, "angle_deg": _filmed(preset, time, pull, generator)}
+
+
+def _bench_stream(preset: Preset, generator: np.random.Generator) -> str:
+    """Twenty seconds of a live stream at that bench."""
+    time = np.arange(0, 20, 1 / CAMERA.rate_hz)
+    pull = 2 * np.sin(2 * np.pi * time / 8)
+    seen = _filmed(preset, time, pull, generator)
+    rows = np.round(np.column_stack([time, pull, seen]), 4).tolist()
+    samples = [dict(zip(("time_s", "pull_mm", "measurement_deg"), row, strict=True)) for row in rows]
+    known = [{name: value for name, value in sample.items() if not np.isnan(value)} for sample in samples]
+    return "".join(json.dumps(sample) + "\n" for sample in known)
+
+
+def _filmed(preset: Preset, time: Array, pull_mm: Array, generator: np.random.Generator) -> Array:
+    """Return the angle that the camera sees (N,) [deg], NaN where it is missing."""
+    bend = simulate(preset, pull_mm * 1e-3, sample_time=1 / CAMERA.rate_hz).truth_deg
+    seen = np.interp(time - CAMERA.lag_s, time, bend) + CAMERA.zero_deg
+    seen += generator.normal(0, np.sqrt(CAMERA.variance_deg2), len(bend))
+    return np.where(generator.random(len(bend)) < MISSING, np.nan, seen)
 
 
 def _loop(sheath_bend: float, generator: np.random.Generator) -> dict[str, Array]:
@@ -131,7 +157,7 @@ def _table(columns: Mapping[str, Array]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     for row in zip(*columns.values(), strict=True):
-        writer.writerow([f"{round(value, 4):g}" for value in row])
+        writer.writerow(["" if np.isnan(value) else f"{round(value, 4):g}" for value in row])
     return text.getvalue()
 
 

@@ -1,6 +1,8 @@
 """Each check refuses what it is for, gives the reason, and lets the sound pass."""
 
+import dataclasses
 import json
+import re
 
 import numpy as np
 import onnx
@@ -115,6 +117,25 @@ def test_twin_of_half_the_friction_does_not_reproduce_the_logs(untrained_twins):
     assert "calibrate" in check.said
 
 
+def test_an_offset_of_the_sensor_is_named_and_corrected_for(untrained_twins):
+    preset, ranges = twins()
+    (episode,) = logs_on(preset, (-2.0, 3.0), count=1)
+    rng = np.random.default_rng(3)
+    read = episode.bend + np.radians(2.0 + 0.3 * rng.standard_normal(len(episode.bend)))
+    log = dataclasses.replace(episode, measured_bend=read, metadata=episode.metadata | {"source": "measured"})
+    check = sufficiency.zero_of_logs(material_of(untrained_twins, [log], preset=preset, ranges=ranges))
+    assert check.holds is False
+    assert check.figure == pytest.approx(2.0, abs=0.15)
+    (stated,) = re.findall(r"--sensor-zero-deg (\S+)\)", check.said)
+    assert float(stated) == pytest.approx(2.0, abs=0.15)
+    known = preset.replace(sensor_zero=np.radians(2.0))
+    material = material_of(untrained_twins, [log], preset=known, ranges=ranges)
+    assert sufficiency.zero_of_logs(material).holds is True
+    angle = material.logs[0].reference_deg
+    smooth = angle - episode.truth_deg[: len(angle)]
+    assert np.nanstd(smooth) < 0.2 < 0.3
+
+
 def test_bounds_hold_by_construction_and_on_hostile_inputs(untrained, paper_policy):
     of_twins = {"output of the policy, in logarithms", "total gain"}
     for material, bounded in ((untrained, of_twins), (material_of(paper_policy), {"action of the policy"})):
@@ -149,7 +170,7 @@ def test_verdict_has_a_reason_for_every_check_that_does_not_pass(untrained, tmp_
     verdict = run_gate(untrained, lambda done, total, note: shares.append(done / total))
     assert verdict.word == "no-go"
     assert [check.name for check in verdict.checks] == [spec.name for spec in CHECKS]
-    assert len(verdict.checks) == 17
+    assert len(verdict.checks) == 18
     assert len(verdict.reasons) == sum(not check.passes for check in verdict.checks)
     assert shares == sorted(shares)
     assert shares[-1] == 1

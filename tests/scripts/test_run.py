@@ -85,6 +85,23 @@ def test_each_sample_is_answered_at_once_and_the_summary_goes_to_stderr(place):
     assert summary["method"] == runtime.method
 
 
+def test_a_sensor_that_is_given_is_corrected_for(place):
+    lines = b"".join(sample(k, measurement_deg=62.0 + 0.1 * k) for k in range(20))
+    plain = typed("run --policy policy.onnx", place, b"".join(map(sample, range(20)))).out.splitlines()
+    found = typed("run --policy policy.onnx --sensor-zero-deg 2", place, lines).out.splitlines()
+    bends, expected = ([json.loads(line)["bend_deg"] for line in some] for some in (found, plain))
+    np.testing.assert_allclose(bends, expected, atol=1e-9)
+    late = typed("run --policy policy.onnx --sensor-lag-s 0.2 --json", place, lines)
+    assert json.loads(late.err)["sensor"]["lag_s"] == 0.2
+
+
+def test_the_noise_of_a_log_is_estimated(place):
+    summary = json.loads(done("run --policy policy.onnx data/two --json", place))
+    assert summary["noise_variance_deg2"] > 0
+    given = json.loads(done("run --policy policy.onnx data/two --noise-variance 0.7 --json", place))
+    assert given["noise_variance_deg2"] == 0.7
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_it_well_and_the_recording_has_all_that_was_answered(place, tmp_path, number):
     out = tmp_path / "run.mcap"
@@ -198,7 +215,7 @@ def test_a_log_that_is_shown_takes_as_long_as_it_took(place, monkeypatch):
 
 
 def test_a_log_is_run_recorded_and_scored_and_has_the_bits_of_the_live_stream(place, tmp_path):
-    line = f"run --policy policy.onnx data/measured --out {tmp_path}/run.mcap"
+    line = f"run --policy policy.onnx data/measured --noise-variance 0.1 --out {tmp_path}/run.mcap"
     summary = json.loads(done(f"{line} --json", place))
     estimates = [decoded.estimate_deg for _, decoded in messages(tmp_path / "run.mcap")["/estimate/RAM"]]
     log = read_episode(place / "data/measured/log.mcap").record().resampled(0.1, "nearest")

@@ -10,6 +10,7 @@ from twin.control.controller import ControlKnowledge, Sensed, find_controllers
 from twin.errors import InputError
 from twin.preset.preset import Preset, at_sample_time, check_sample_time
 from twin.preset.sensor import SensorModel
+from twin.signals.sensor import samples_late
 from twin.simulation import check_physics, simulate
 
 
@@ -152,16 +153,14 @@ def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -
         driven.observe(plant)
     wanted, count = case.reference_deg, len(case.reference_deg)
     sensor, known = SensorModel.of(case.preset), SensorModel.of(knowledge.preset)
-    ahead = round(knowledge.preview_s / T)
-    samples = np.arange(count)
+    late, ahead = samples_late(sensor.lag_s, T), round(knowledge.preview_s / T)
     pull, bend, measured, estimate = np.empty((4, count))
     fell_back = np.zeros(count, dtype=bool)
     first = knowledge.limits.nearest(knowledge.line.pull_mm(float(wanted[0])))
     pull[0], bend[0] = first, plant.start(first)
     driven.start(first, float(wanted[0]))
     for k in range(count):
-        late = np.interp(k - sensor.lag_s / T, samples[: k + 1], bend[: k + 1])
-        measured[k] = sensor.scale * late + sensor.zero_deg + case.noise_deg[k]
+        measured[k] = sensor.scale * bend[max(k - late, 0)] + sensor.zero_deg + case.noise_deg[k]
         following = float(wanted[min(k + 1, count - 1)])
         coming = wanted[k + 1 : k + 1 + ahead]
         angle = known.angle_deg(float(measured[k]))

@@ -9,6 +9,7 @@ from twin.estimation.estimator import Estimator
 from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.registry import find_training
 from twin.hysteresis import HysteresisModel
+from twin.preset.sensor import SensorModel
 
 SAME_S = 1e-9  # by which two sample times may differ
 
@@ -32,10 +33,18 @@ def load_estimator(path: str | Path | TrainedFile) -> Estimator[Any]:
     return training.load(file)
 
 
-def load_estimator_at(file: TrainedFile, sample_time: float | None) -> tuple[Any, float]:
-    """Return a trained estimator at a sample time, that of its training if not given, and that time [s]."""
+def load_estimator_at(
+    file: TrainedFile, sample_time: float | None, sensor: SensorModel | None = None
+) -> tuple[Any, float]:
+    """Return a trained estimator at a sample time, and that time [s].
+
+    If it is not given, it is that of a sensor whose rate is known, for what was trained on twins, which runs
+    at any; else that of the training.
+    """
     estimator: Any = load_estimator(file)
     trained = float(estimator.sample_time)
+    if sample_time is None and sensor and sensor.rate_hz and find_training(file.agent).on_twins:
+        sample_time = 1 / sensor.rate_hz
     if sample_time is None or abs(sample_time - trained) < SAME_S:
         return estimator, trained
     return estimator.at(sample_time), sample_time

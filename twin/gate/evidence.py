@@ -313,7 +313,7 @@ def gather(
     file = read_trained_file(path)
     if sample_time is not None:
         check_between("sample_time", sample_time, *SAMPLE_TIMES, "s")
-    estimator, T = load_estimator_at(file, sample_time)
+    estimator, T = load_estimator_at(file, sample_time, sensor)
     check_members([preset])
     at_sample_time(preset, T)
     logs, deviations, sheath_bends = [], [], []

@@ -259,9 +259,9 @@ def load_runtime(
 ) -> AssuredEstimator:
     """Return the runtime of a trained file, ready for the first sample.
 
-    The sample time T [s], the sensor that measurements are corrected for, and the variance R of its noise
-    [deg^2] are those of the trained file, if not given; what was trained on twins runs at any T. Samples
-    beyond the limits are refused.
+    The sample time T [s] is that of `load_estimator_at`, if not given; the sensor that measurements are
+    corrected for, and the variance R of its noise [deg^2], are those of the trained file. Samples beyond the
+    limits are refused.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -291,7 +291,7 @@ def prepare_runtime(
         of_training = float(np.asarray(deployment.fallback.measurement_variance))
         noise_variance = sensor.variance_deg2 or of_training
     noise_variance = _positive("noise_variance", noise_variance) / sensor.scale**2
-    estimator, T = load_estimator_at(file, sample_time)
+    estimator, T = load_estimator_at(file, sample_time, sensor)
     advanced = estimator.with_sensor(Sensor(noise_variance))
     method = next(spec.name for spec in method_specs() if spec.training and spec.training.agent == file.agent)
     fallback = deployment.fallback_at(T, noise_variance)

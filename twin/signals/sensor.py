@@ -97,8 +97,8 @@ def smoothing_deviation(time: Array, reading: Array) -> float:
     half, rest = known[::2], known[1::2]
     one, other = (smoothed(time[of], reading[of]) for of in (half, rest))
     predicted = np.interp(time[half], time[rest], other)
-    beyond = np.mean((reading[half] - predicted) ** 2) - estimated_variance(reading)
-    return float(max(np.std(predicted - one) / 2, math.sqrt(max(beyond, 0.0))))
+    beyond = float(np.mean((reading[half] - predicted) ** 2)) - estimated_variance(reading)
+    return max(float(np.std(predicted - one)) / 2, math.sqrt(max(beyond, 0.0)))
 
 
 _THIRD = np.array([1.0, -3.0, 3.0, -1.0])  # of a third difference, which no parabola has

@@ -20,6 +20,7 @@ from twin.estimation.registry import Style
 from twin.live.assured import AssuredEstimator, prepare_runtime
 from twin.preset.sensor import SensorModel
 from twin.reduced.members import Following, Members, MemberSet
+from twin.signals.sensor import samples_late
 
 CLOSE_MM = 1e-6
 
@@ -99,11 +100,12 @@ class MembersInverse(Controller):
     def __init__(self, knowledge: ControlKnowledge, settings: Mapping[str, float]) -> None:
         super().__init__(knowledge.limits, knowledge.sample_time)
         trained, variance = knowledge.trained("policy"), knowledge.noise_variance
+        lag_s = samples_late(knowledge.preset.sensor_latency, self.sample_time) * self.sample_time
         self._make_runtime = prepare_runtime(
             trained,
             noise_variance=variance,
             sample_time=self.sample_time,
-            sensor=SensorModel(lag_s=knowledge.preset.sensor_latency),  # zero and scale are corrected before
+            sensor=SensorModel(lag_s=lag_s),  # zero and scale are corrected before
         )
         self._gains = tuned(PI_SETTINGS, knowledge.settings.get(ACTIVE_MODEL_PI.name, {}))
         self._settings, self._line = settings, knowledge.line
