@@ -157,6 +157,7 @@ class SequenceSource:
     noises: tuple[str, ...]  # families of the noise
     predict: Prediction = by_members  # gives the inputs of the step
     strides: tuple[int, ...] = STRIDES  # sample times over that of the records, the most frequent first
+    zero_deviation_deg: float = 0.0  # of what is left of a sensor's zero after its correction [deg]
 
     def draw(
         self, count: int, samples: int, rng: np.random.Generator, stride: int | None = None
@@ -174,6 +175,11 @@ class SequenceSource:
         index = start + np.arange(samples + 1)[:, None] * stride  # (N + 1, B)
         angle = truth_deg[command, twin, index[1:]]
         noise = draw_noises(self.noises, count, samples, rng)
+        if self.zero_deviation_deg:
+            offset = self.zero_deviation_deg * rng.standard_normal(count)
+            noise = noise._replace(
+                noise_deg=noise.noise_deg + offset[:, None], mean_deg=noise.mean_deg + offset
+            )
         return Sequences(
             self.predict(self.records, command, index),
             tensor32(angle + noise.noise_deg.T),

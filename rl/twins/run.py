@@ -136,9 +136,10 @@ def _train(
         (pull_mm[part], members_deg[part], truth_deg[part])
         for part in (slice(-held_out), slice(-held_out, None))
     )
-    step, predict = learner.begin(learned)
+    step, predict, sensor = *learner.begin(learned), SensorModel.of(preset)
     source, unseen = (
-        SequenceSource(part, settings.noises, predict, settings.strides) for part in (learned, others)
+        SequenceSource(part, settings.noises, predict, settings.strides, sensor.zero_deviation_deg)
+        for part in (learned, others)
     )
     each = settings.sequences * settings.window
     every = max(settings.updates // (VALIDATIONS * settings.windows), 1) * settings.windows
@@ -188,7 +189,7 @@ def _train(
         "agent": learner.training.agent,
         **configuration,
         DEPLOYMENT: deployment.to_dict(),
-        SENSOR: SensorModel.of(preset).to_dict(),
+        SENSOR: sensor.to_dict(),
         **extra,
     }
     learner.export(step, description, path)  # the last: where the file is, the run is finished

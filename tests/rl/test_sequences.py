@@ -31,3 +31,12 @@ def test_validation_is_at_the_ends_of_what_is_met(monkeypatch):
     monkeypatch.setattr(SequenceSource, "draw", recorded)
     validation(small_step(), dataclasses.replace(small_source(), strides=(1, 2)), TINY)
     assert met == [2, 1]
+
+
+def test_each_sequence_has_what_is_left_of_the_zero_of_the_sensor():
+    source = dataclasses.replace(small_source(("gaussian",)), zero_deviation_deg=2.0)
+    met = source.draw(400, 200, generator(4), stride=1)
+    mean = (met.measurement_deg - met.truth_deg).mean(dim=0)
+    assert float(met.bias_deg.std()) == pytest.approx(2.0, rel=0.15)
+    off = (mean - met.bias_deg) / (met.variance / 200).sqrt()
+    assert float(off.std()) == pytest.approx(1.0, rel=0.15)
