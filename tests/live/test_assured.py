@@ -350,3 +350,27 @@ def test_pulls_of_the_past_are_linear_between_samples():
 
 def test_noise_variance_is_that_of_corrected_measurements():
     assert assured().noise_variance == R
+
+
+@dataclasses.dataclass(frozen=True)
+class Unexplained(Offset):
+    """A filter on twins, none of which explains an error of the angle [deg]."""
+
+    error_deg: float = 0.0
+
+    @property
+    def has_physics(self):
+        return True
+
+    def model_error_deg(self, state):
+        return self.error_deg, 0.05
+
+
+@pytest.mark.parametrize("error", [-2.0, 0.3, 2.0])
+def test_measurements_that_stay_off_all_twins_widen_the_interval_to_them(error):
+    _, readings, _ = run(Unexplained(**vars(FALLBACK) | {"error_deg": error}), 60)
+    for reading in readings[12:]:
+        above, below = reading.high_deg - reading.bend_deg, reading.bend_deg - reading.low_deg
+        assert bool(reading.alarms & Alarm.OFFSET) is (abs(error) > 1)
+        assert below - above == pytest.approx(1.5 * error if abs(error) > 1 else 0.0, abs=1e-9)
+        assert reading.source is Source.ADVANCED

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.live.checks import BiasDetector
+from twin.live.checks import BiasDetector, OffsetDetector
 
 T = 0.1
 QUIET = 0.3 * np.random.default_rng(2).standard_normal(1000)
@@ -47,3 +47,17 @@ def test_what_follows_a_fault_does_not_become_usual(flagged):
         detector.is_biased(-17.0)
     detector.clear()
     assert any(detector.is_biased(-2.0) for _ in range(30))
+
+
+def test_an_offset_is_one_that_stays_and_ends_when_it_has_been_small_for_long():
+    detector = OffsetDetector(0.1)
+    assert not any(detector.is_off(2.0, 0.1) for _ in range(9))
+    assert detector.is_off(-0.1, 0.1) is False
+    assert [detector.is_off(2.0 + 0.1 * k, 0.1) for k in range(10)] == [False] * 9 + [True]
+    assert detector.offset_deg == pytest.approx(2.9)
+    assert all(detector.is_off(1.0, 0.5) for _ in range(100))  # it is uncertain, but has not gone
+    assert all(detector.is_off(0.1, 0.1) for _ in range(49))
+    assert not detector.is_off(0.1, 0.1)
+    detector.is_off(0.1, 0.1)
+    assert detector.offset_deg == 0
+    assert not any(detector.is_off(2.0, 1.0) for _ in range(50))  # within four deviations
