@@ -34,7 +34,7 @@ class Calibrate(Options):
     """Change parameters of that preset: NAME=VALUE ..., in its SI units."""
     free: tuple[str, ...] = ()
     """Parameters to fit; if not given, those that the logs can determine."""
-    starts: int = 9
+    starts: int = 12
     """Starts of the search; with more of them a better valley may be found."""
     fraction: float = 1.0
     """Share of each log, from its start, that is fitted; the rest is predicted. Of a file of windows (`import

@@ -218,13 +218,14 @@ def with_fixed_parameters(fit: Fit, loops: Sequence[MeasuredLoop]) -> Fit:
 
 
 SCREENED = 40  # candidates that are tried for each start of least squares
-STARTS = 9  # starts of least squares: valleys are many, and the best one by the fitted samples is taken
+STARTS = 12  # starts of least squares: valleys are many, and the best one by the fitted samples is taken
 FINISHED = 2  # the best starts, which are followed to the bottom
 LOWER = 0.9999  # share of the cost below which another valley is lower
 TURNS = 3  # most times that the first guess is given less weight, where the logs leave little unexplained
 SPREAD = 0.6  # of the candidates about the first guess: a factor of 1.8 on the scale of the search
 WALK = 4  # stages of a walk: to the bottom, to either side, and to where it lands
 STRONG = 6.0  # difference of the information criterion that is strong evidence
+MOST_SPARED = 0.02  # share by which the cost may rise without a parameter
 STEPS, MOST_STEPS = 12, 60  # of a start, and of one that is finished
 USUAL_STEPS, USUAL_WALK, TRIALS = 15, 6, 8  # of one finished, of a walk to a side; simulations that are timed
 MOST_STARTS = 1000
@@ -372,7 +373,7 @@ class _Search:
         """Return structure, cost and place of the fit without a parameter, if the logs do not need it.
 
         They do on strong evidence: if the fit without it is worse by 6 in the Bayesian information criterion
-        (Schwarz 1978; Kass and Raftery 1995).
+        (Schwarz 1978; Kass and Raftery 1995), or by 2 % where errors of the twin, not noise, are what is left.
         """
         free = self.structures[which]
         if name not in free.names or not any(loop.offset for loop in self.loops):
@@ -385,7 +386,8 @@ class _Search:
             f"without {name}", [(rest, np.delete(numbers, place))], MOST_STEPS, weight
         )
         left = residuals([free.decode(numbers)], self.loops, "reduced")[0]
-        if then - cost > variance_of(left, len(numbers)) * (np.log(len(left)) + STRONG):
+        evidence = variance_of(left, len(numbers)) * (np.log(len(left)) + STRONG)
+        if then - cost > min(evidence, MOST_SPARED * cost):
             return which, cost, numbers
         return rest, then, found
 
