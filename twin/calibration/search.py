@@ -373,7 +373,7 @@ class _Search:
         """Return structure, cost and place of the fit without a parameter, if the logs do not need it.
 
         They do on strong evidence: if the fit without it is worse by 6 in the Bayesian information criterion
-        (Schwarz 1978; Kass and Raftery 1995), or by 2 % where errors of the twin, not noise, are what is left.
+        (Schwarz 1978; Kass and Raftery 1995), or by 2 % where it is errors of the twin that are left.
         """
         free = self.structures[which]
         if name not in free.names or not any(loop.offset for loop in self.loops):
