@@ -21,7 +21,6 @@ from twin.calibration.descent import (
     descend,
     parameter_along,
     smoothed_jacobian,
-    variance_of,
     walk,
 )
 from twin.calibration.logs import MeasuredLoop
@@ -373,7 +372,7 @@ class _Search:
         """Return structure, cost and place of the fit without a parameter, if the logs do not need it.
 
         They do on strong evidence: if the fit without it is worse by 6 in the Bayesian information criterion
-        (Schwarz 1978; Kass and Raftery 1995), or by 2 % where it is errors of the twin that are left.
+        (Schwarz 1978; Kass and Raftery 1995), and by 2 %: errors of the twin are no independent evidence.
         """
         free = self.structures[which]
         if name not in free.names or not any(loop.offset for loop in self.loops):
@@ -386,8 +385,8 @@ class _Search:
             f"without {name}", [(rest, np.delete(numbers, place))], MOST_STEPS, weight
         )
         left = residuals([free.decode(numbers)], self.loops, "reduced")[0]
-        evidence = variance_of(left, len(numbers)) * (np.log(len(left)) + STRONG)
-        if then - cost > min(evidence, MOST_SPARED * cost):
+        rise = max((np.log(len(left)) + STRONG) / len(left), MOST_SPARED)
+        if then - cost > rise * cost:
             return which, cost, numbers
         return rest, then, found
 
