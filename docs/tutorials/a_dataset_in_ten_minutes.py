@@ -73,7 +73,7 @@ for episode in episodes:
     )
 # >         sine: -0.3 to 1.0 mm bend the tip by 12 deg
 # > random-steps: 0.0 to 0.3 mm bend the tip by 2 deg
-# >         sine: 2.6 to 4.0 mm bend the tip by 21 deg
+# >         sine: 2.6 to 4.0 mm bend the tip by 22 deg
 # > random-steps: 2.4 to 3.0 mm bend the tip by 1 deg
 
 # %% [markdown]
@@ -85,7 +85,7 @@ rising = np.gradient(loop.pull_mm) > 0
 near = np.abs(loop.pull_mm) < 0.05
 there, back = loop.truth_deg[near & rising].mean(), loop.truth_deg[near & ~rising].mean()
 print(f"near a pull of zero: {there:.1f} deg on the way up, {back:.1f} deg on the way down")
-# > near a pull of zero: 0.1 deg on the way up, 9.2 deg on the way down
+# > near a pull of zero: 0.0 deg on the way up, 9.2 deg on the way down
 
 # %% [markdown]
 # It holds the hidden state too: the tension in each length of each wire, from the pulley to the tip. Friction in the sheath leaves less of it

@@ -68,9 +68,9 @@ for score in twin.evaluate(data, filters, suite="paper-only", seeds=5):
     if score.noise == "gaussian":
         print(f"R = {score.level:g}: {score.method} {score.rmse_deg:.2f} deg RMSE")
 # > R = 1: complementary 2.47 deg RMSE
-# > R = 1: active model 6.05 deg RMSE
+# > R = 1: active model 6.06 deg RMSE
 # > R = 5: complementary 2.59 deg RMSE
-# > R = 5: active model 7.39 deg RMSE
+# > R = 5: active model 7.40 deg RMSE
 
 # %% [markdown]
 # In ten seconds the active model, which trusts its wrong first estimate, has hardly lost it; a constant gain is done within two.
