@@ -72,7 +72,9 @@ endotwin("calibrate data/measured --preset ureteroscope --starts 3 --out preset.
 
 # %%
 sensor = twin.load_preset("preset.yaml")
-print(f"the sensor is off by {math.degrees(sensor.sensor_zero):.1f} deg and late by {sensor.sensor_latency * 1e3:.0f} ms")
+print(
+    f"the sensor is off by {math.degrees(sensor.sensor_zero):.1f} deg and late by {sensor.sensor_latency * 1e3:.0f} ms"
+)
 # > the sensor is off by 2.0 deg and late by 64 ms
 
 # %% [markdown]

@@ -19,10 +19,9 @@ from twin.preset.sensor import SensorModel
 
 Array = NDArray[np.float64]
 Sample = tuple[float, float, float]  # time [s], pull [mm] and measurement [deg]
+VARIANCE = 0.25  # of a sensor whose noise is not known [deg^2]
 ALLOWED = 1.1  # times the error of the fallback alone that an error under faults may be
-VARIANCE = 0.25  # of the sensor [deg^2]
-ALLOWED_DEG = 0.5 * math.sqrt(VARIANCE)
-"""Difference that counts as none: half of the deviation of a single measurement [deg]."""
+ALLOWED_DEVIATIONS = 0.5  # of a single measurement: a difference that counts as none
 LATENCY_SHARE = 0.1  # share of the sample time that one sample may take
 PERCENTILE = 99
 SPIKE_DEG, SHIFT_DEG, WRONG_PULL_MM, CLOCK_S = 60.0, 8.0, 5.0, 3600.0
@@ -83,6 +82,11 @@ FAULTS = (
 """Kinds of fault, each planted by itself."""
 
 
+def _variance(material: GateMaterial) -> float:
+    """Return R of the sensor [deg^2]: that of the preset, where it states one."""
+    return material.sensor.variance_deg2 or VARIANCE
+
+
 @declare("a number under faults", SAFETY, 12)
 def no_nan(material: GateMaterial) -> Check:
     """No fault of a stream makes an estimate that is not a number."""
@@ -134,8 +138,9 @@ def errors(material: GateMaterial) -> Check:
             {name: row[name] for name in ("fault", "rmse_deg", "fallback_deg", "ratio")} for row in rows
         ),
         notes=(
-            f"During the fault and {_AFTER_S:g} s after; {_TWINS} twins, Gaussian noise, R = {VARIANCE:g}.",
-            f"An error up to {ALLOWED_DEG:g} deg above the fallback's, half of the noise, counts as equal.",
+            f"During the fault and {_AFTER_S:g} s after; {_TWINS} twins, Gaussian noise of the sensor, "
+            f"R = {_variance(material):.3g}.",
+            f"An error up to {ALLOWED_DEVIATIONS:g} times the noise above the fallback's counts as equal.",
         ),
     )
 
@@ -143,15 +148,16 @@ def errors(material: GateMaterial) -> Check:
 @functools.lru_cache(maxsize=1)
 def _fault_rows(material: GateMaterial) -> list[dict[str, Any]]:
     """Return one row for each kind of fault; three checks share them."""
-    rng, T = material.random(_FAULTS), material.sample_time
+    rng, T, variance = material.random(_FAULTS), material.sample_time, _variance(material)
+    allowed_deg = ALLOWED_DEVIATIONS * math.sqrt(variance)
     longest = _BEFORE_S + max(fault.seconds for fault in FAULTS) + _AFTER_S
     records, _ = material.twins(material.ranges, rng, seconds=longest + 2 * T)
     streams = []
     for record in records:
         bend = record.truth_deg[0]
-        measured = bend + math.sqrt(VARIANCE) * rng.standard_normal(len(bend))
+        measured = bend + math.sqrt(variance) * rng.standard_normal(len(bend))
         streams.append((record.pull_mm[0], bend, measured, float(bend[0] + rng.uniform(-10, 10))))
-    begun = prepare_runtime(material.file, sample_time=T, noise_variance=VARIANCE, sensor=SensorModel())
+    begun = prepare_runtime(material.file, sample_time=T, noise_variance=variance, sensor=SensorModel())
     rows = []
     for number, fault in enumerate(FAULTS):
         found = [_run(material, begun, fault, *stream) for stream in streams[:_TWINS]]
@@ -166,7 +172,7 @@ def _fault_rows(material: GateMaterial) -> list[dict[str, Any]]:
                 "said": ", ".join(sorted({word for of in found for word in of["said"]})).lower(),
                 "rmse_deg": mine,
                 "fallback_deg": alone,
-                "ratio": mine / alone if mine > alone + ALLOWED_DEG else min(mine / alone, 1.0),
+                "ratio": mine / alone if mine > alone + allowed_deg else min(mine / alone, 1.0),
             }
         )
         material.on_progress((number + 1) / len(FAULTS))
@@ -188,7 +194,7 @@ def _run(
     end = begin + max(round(fault.seconds / T), 2)
     last = min(end + round(_AFTER_S / T), len(good))
     runtime = begun(initial)
-    alone = OnlineEstimator(material.rival.with_sensor(Sensor(VARIANCE)), T, initial)
+    alone = OnlineEstimator(material.rival.with_sensor(Sensor(_variance(material))), T, initial)
     planted = [*fault.plant(good[begin:end], good[:begin])]
     back = begin + len(planted)  # number of the first good sample after the fault
     watched = back + max(round(_FLAGGED_WITHIN_S / T), 1)
@@ -220,15 +226,15 @@ def _run(
 @declare("latency of one sample", SAFETY, 3)
 def latency(material: GateMaterial) -> Check:
     """An estimate is there long before the next sample."""
-    rng, T = material.random(_LATENCY), material.sample_time
+    rng, T, variance = material.random(_LATENCY), material.sample_time, _variance(material)
     count = material.size.pushes + _WARM_UP
     records, _ = material.twins(None, rng, seconds=count * T)
     pull, bend = records[-1].pull_mm[0], records[-1].truth_deg[0]
-    measured = bend + math.sqrt(VARIANCE) * rng.standard_normal(len(bend))
+    measured = bend + math.sqrt(variance) * rng.standard_normal(len(bend))
     runtime = load_runtime(
         material.path,
         sample_time=T,
-        noise_variance=VARIANCE,
+        noise_variance=variance,
         initial_bend_deg=float(bend[0]),
         sensor=SensorModel(),
     )
