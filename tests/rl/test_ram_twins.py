@@ -246,3 +246,18 @@ def test_a_checkpoint_of_other_members_is_not_taken_up(tmp_path, monkeypatch):
         learned.append({part.name: onnx.numpy_helper.to_array(part) for part in graph.initializer})
     for name, values in learned[1].items():
         np.testing.assert_array_equal(learned[0][name], values, err_msg=name)
+
+
+def test_a_measurement_far_from_all_twins_counts_as_one_half_a_turn_away(trained):
+    estimator = load_estimator(trained[0]).with_sensor(Sensor(1.0))
+    state = estimator.start(np.zeros(1), np.zeros(1))
+    highest = estimator.members.step(state.following, np.array([0.1])).of_filters().max()
+    stepped = [
+        estimator.step(state, np.array([0.1]), np.zeros(1), np.array([angle])).bend_deg[0]
+        for angle in (700.0, highest + 180.0, highest + 150.0)
+    ]
+    assert stepped[0] == stepped[1] != stepped[2]
+    single = estimator.single()
+    state = single.start(0.0, 0.0)
+    ends = [single.bend_deg(single.step(state, 0.1, 0.0, angle)) for angle in (700.0, highest + 180.0)]
+    assert ends[0] == ends[1] == stepped[0]

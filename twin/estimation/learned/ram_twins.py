@@ -35,6 +35,7 @@ if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs
 Array = NDArray[np.float64]
 AGENT = "ram-twins"
 STATE = ("mean", "covariance", "counts", "samples", "statistics", "rows", "rows_covariance", "evidence")
+FARTHEST_DEG = 180.0  # of a measurement from the twins
 RECOGNISER_ALONE = (0.0, 1.0)
 
 
@@ -86,6 +87,13 @@ class RamTwins(LearnedStep):
         """Step the members along the command, and return what they predict."""
         after = self.members.step(following, pull_mm, self.sample_time)
         return {"members_deg": after.of_filters(), "way_mm": np.abs(pull_mm - previous_pull_mm)}, after
+
+    def limited(self, following: "Following", measurement_deg: Array) -> Array:
+        """Return measurements no farther than half a turn from all twins: others are no information."""
+        members = following.of_filters()
+        low, high = members.min(axis=1) - FARTHEST_DEG, members.max(axis=1) + FARTHEST_DEG
+        limited: Array = np.clip(measurement_deg, low, high)
+        return limited
 
     @property
     def has_physics(self) -> bool:

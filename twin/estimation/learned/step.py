@@ -173,6 +173,7 @@ class LearnedStep(Estimator[StepState]):
     ) -> StepState:
         """Step the graph along the command; the residual refers to `reference_deg`, or the measurement."""
         inputs, following = self.follow(state.following, pull_mm, previous_pull_mm)
+        measurement_deg = self.limited(following, measurement_deg)
         bend, half_width, memory = self.network.step(
             state.memory,
             **self.constants(len(pull_mm)),
@@ -190,6 +191,10 @@ class LearnedStep(Estimator[StepState]):
                 self.model, following, pull_mm, previous_pull_mm
             )
         return inputs, following
+
+    def limited(self, following: Any, measurement_deg: Array) -> Array:
+        """Return measurements (B,) [deg], limited to what the endoscope can do, where that is known."""
+        return measurement_deg
 
     def single(self) -> SingleForm:
         """Return the estimator on one stream, on arrays of its own."""
@@ -242,8 +247,9 @@ class LearnedForm(SingleForm):
             inputs, following = estimator.follow(
                 state.following, np.array([pull_mm]), np.array([previous_pull_mm])
             )
+        measured = estimator.limited(following, np.array([measurement_deg]))
         for name, array in self._given:
-            array[...] = inputs.get(name, measurement_deg)
+            array[...] = inputs.get(name, measured)
         for array, values in zip(self._memory, state.memory, strict=True):
             array[...] = values
         bend, half_width, memory = self._network.named(self._bound.run())
