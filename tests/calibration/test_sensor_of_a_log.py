@@ -7,7 +7,7 @@ import pytest
 from calibrating import SAMPLE_TIME, TRUTH, recorded, start_of
 
 from twin.calibration import calibrate, free_parameters, measured_loop, uncertainty
-from twin.calibration.files import write_fit
+from twin.calibration.files import with_sensor, write_fit
 from twin.calibration.objective import residuals
 from twin.preset import load_preset
 from twin.preset.sensor import SensorModel
@@ -95,3 +95,10 @@ def test_what_is_not_fitted_widens_what_depends_on_it():
     (condition,) = known.conditions
     assert condition.startswith("with ")
     assert "fixed at" in condition
+
+
+def test_a_zero_that_the_logs_do_not_determine_is_no_reason_to_lose_a_fit():
+    loops = [loop_of(sensor=PROMPT)]
+    fit = calibrate([free_parameters(start_of(), loops, ("pretension",))], loops, seed=0, starts=1)
+    blind = dataclasses.replace(uncertainty(fit), zero_deviation=70.0)
+    assert with_sensor(fit, loops, blind).sensor_zero_deviation == np.pi

@@ -28,7 +28,7 @@ from twin.errors import DivergedError, InputError
 from twin.files.atomic import write_whole
 from twin.files.shown import cut, printable
 from twin.hysteresis.width import without_hysteresis
-from twin.preset.preset import Preset
+from twin.preset.preset import Preset, parameter_limits
 from twin.preset.randomization import Ranges
 from twin.preset.sensor import KEY, SensorModel
 from twin.recording import read_dataset
@@ -183,10 +183,12 @@ def with_sensor(fit: Fit, loops: Sequence[MeasuredLoop], known: Uncertainty) -> 
     )
     each = np.array([float(of[0]) for of in offsets])
     spread = float(np.std(each, ddof=1)) if len(each) > 1 else 0.0
+    deviation = float(np.hypot(spread, np.nan_to_num(known.zero_deviation)))
+    _, widest = parameter_limits("sensor_zero_deviation")
     steps = {loop.reading_step for loop in measured if loop.timed}
     return preset.replace(
         sensor_zero=preset.sensor_zero - float(each.mean()),
-        sensor_zero_deviation=float(np.hypot(spread, np.nan_to_num(known.zero_deviation))),
+        sensor_zero_deviation=min(deviation, widest),  # a wider one is as unknown
         sensor_noise=float(np.sqrt(np.mean([loop.reading_noise[0] for loop in measured]))),
         sensor_period=min(steps) if steps else preset.sensor_period,
     )
