@@ -70,10 +70,7 @@ def _bench_stream(preset: Preset, generator: np.random.Generator) -> str:
     time = np.arange(0, 20, 1 / CAMERA.rate_hz)
     pull = 2 * np.sin(2 * np.pi * time / 8)
     seen = _filmed(preset, time, pull, generator)
-    rows = np.round(np.column_stack([time, pull, seen]), 4).tolist()
-    samples = [dict(zip(("time_s", "pull_mm", "measurement_deg"), row, strict=True)) for row in rows]
-    known = [{name: value for name, value in sample.items() if not np.isnan(value)} for sample in samples]
-    return "".join(json.dumps(sample) + "\n" for sample in known)
+    return _json_lines(("time_s", "pull_mm", "measurement_deg"), time, pull, seen)
 
 
 def _filmed(preset: Preset, time: Array, pull_mm: Array, generator: np.random.Generator) -> Array:
@@ -136,9 +133,14 @@ def _stream(preset: Preset, generator: np.random.Generator) -> str:
     pull = 0.9 * np.sin(2 * np.pi * time / 8)
     bend = simulate(preset, pull * 1e-3, sample_time=SAMPLE_TIME).truth_deg
     seen, wanted = _seen(bend, generator), 6 * np.sin(2 * np.pi * (time + SAMPLE_TIME) / 10)
-    names = ("time_s", "pull_mm", "measurement_deg", "reference_deg")
-    rows = np.round(np.column_stack([time, pull, seen, wanted]), 4).tolist()
-    return "".join(json.dumps(dict(zip(names, row, strict=True))) + "\n" for row in rows)
+    return _json_lines(("time_s", "pull_mm", "measurement_deg", "reference_deg"), time, pull, seen, wanted)
+
+
+def _json_lines(names: Sequence[str], *columns: Array) -> str:
+    """Return samples of a live stream, an object a line; a value that is missing is null."""
+    rows = np.round(np.column_stack(columns), 4).tolist()
+    known = ([None if np.isnan(value) else value for value in row] for row in rows)
+    return "".join(json.dumps(dict(zip(names, row, strict=True))) + "\n" for row in known)
 
 
 def _along(time: Array, turns: Sequence[tuple[float, float]]) -> Array:

@@ -8,7 +8,6 @@ from twin.errors import InputError, MissingFileError
 from twin.files.assets import assets_folder
 from twin.files.bounded import MEBIBYTE
 from twin.files.shown import shown
-from twin.files.yaml_text import read_yaml
 from twin.preset.preset import Preset, suggestion
 from twin.preset.sensor import KEY, SensorModel
 
@@ -45,6 +44,8 @@ def preset_of(name: str, parameters: Mapping[str, Any]) -> Preset:
 
 def read_preset_file(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
     """Read a preset file; returns its name, without the ending, and its contents."""
+    from twin.files.yaml_text import read_yaml  # here: a sensor of `twin.preset` needs no parser
+
     text = str(name_or_path)
     path = Path(text) if text.endswith((".yaml", ".yml")) else assets_folder() / f"{text}.yaml"
     if path.parent == assets_folder() and not path.is_file():
