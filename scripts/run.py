@@ -26,6 +26,7 @@ from scripts.progress import Progress
 from twin.errors import InputError
 
 if TYPE_CHECKING:
+    from twin.estimation.learned.trained_file import TrainedFile
     from twin.live import AssuredEstimator, Sink, StreamSample
 
 
@@ -138,6 +139,7 @@ def run(args: Run) -> Summary:
 
 def _stream(args: Run) -> Summary:
     """Answer each line of stdin, until they end, the reader of the answers goes or a signal comes."""
+    from twin.estimation.learned.trained_file import read_trained_file
     from twin.live.lines import answers
     from twin.live.reading import RunCounts
 
@@ -145,7 +147,7 @@ def _stream(args: Run) -> Summary:
         output_file(args.out, (".mcap",), "endotwin live", inputs=[args.policy])
     if sys.stdin is None:
         raise InputError("stdin is closed: samples come from there, or name a log")
-    runtime, counts, commands = _prepared(args)(), RunCounts(), None
+    runtime, counts, commands = _prepared(args, read_trained_file(args.policy))(), RunCounts(), None
     if args.stroke is not None:
         from twin.control.compensator import prepare_commands
 
@@ -180,6 +182,7 @@ def _stream(args: Run) -> Summary:
 
 
 def _log(args: Run) -> Summary:
+    from twin.estimation.learned.trained_file import read_trained_file
     from twin.export.export import named_files
     from twin.live.log_run import SIGN, log_targets, noise_of, read_logs, run_log
     from twin.live.reading import RunCounts
@@ -188,10 +191,11 @@ def _log(args: Run) -> Summary:
     targets = log_targets(args.out, list(files))
     if args.out is not None and targets == [args.out]:
         output_file(args.out, (), SIGN, inputs=[args.policy, *files.values()])
-    logs = read_logs(files, _prepared(args)().sample_time)
+    file = read_trained_file(args.policy)
+    logs = read_logs(files, _prepared(args, file)().sample_time)
     if args.noise_variance is None:
         args = dataclasses.replace(args, noise_variance=noise_of(logs))
-    new_runtime, counts = _prepared(args), RunCounts()
+    new_runtime, counts = _prepared(args, file), RunCounts()
     runtime = new_runtime()
     if args.out is not None and targets != [args.out]:
         output_folder(args.out, {target.name: SIGN for target in targets})
@@ -208,12 +212,10 @@ def _log(args: Run) -> Summary:
     return Summary(line, values)
 
 
-def _prepared(args: Run) -> "Callable[[], AssuredEstimator]":
+def _prepared(args: Run, file: "TrainedFile") -> "Callable[[], AssuredEstimator]":
     from twin.estimation.deployment import sensor_of
-    from twin.estimation.learned.trained_file import read_trained_file
     from twin.live import prepare_runtime
 
-    file = read_trained_file(args.policy)
     prepared = prepare_runtime(
         file,
         sample_time=args.sample_time,

@@ -136,7 +136,8 @@ def _train(
         (pull_mm[part], members_deg[part], truth_deg[part])
         for part in (slice(-held_out), slice(-held_out, None))
     )
-    step, predict, sensor = *learner.begin(learned), SensorModel.of(preset)
+    step, predict = learner.begin(learned)
+    sensor = SensorModel.of(preset)
     source, unseen = (
         SequenceSource(part, settings.noises, predict, settings.strides, sensor.zero_deviation_deg)
         for part in (learned, others)

@@ -86,7 +86,7 @@ def spiked(values):
 
 
 JITTER = TIME + 0.004 * np.sin(np.arange(COUNT))
-TOLD = {
+DOUBTFUL = {
     "a wrapped angle": (
         rows(SECONDS, bend=BEND % 360),
         r" line \d+: angle_deg jumps by a turn, as in \d rows",
@@ -100,9 +100,9 @@ TOLD = {
 }
 
 
-@pytest.mark.parametrize("habit", TOLD)
-def test_what_is_doubtful_is_told(tmp_path, habit):
-    text, warning = TOLD[habit]
+@pytest.mark.parametrize("habit", DOUBTFUL)
+def test_what_is_doubtful_is_named(tmp_path, habit):
+    text, warning = DOUBTFUL[habit]
     (tmp_path / "log.csv").write_text(HEAD + text)
     said = []
     read_measured_log(tmp_path / "log.csv", LogFormat(**MM), on_warning=said.append)

@@ -20,7 +20,7 @@ from twin.calibration.logs import (
     measured_loop,
     thinned,
 )
-from twin.calibration.objective import bend_errors, offsets_taken_off, predict
+from twin.calibration.objective import own_offsets, predict
 from twin.calibration.search import Fit, steady
 from twin.calibration.uncertainty import Uncertainty, likely_ranges, uncertainty
 from twin.episode import Episode
@@ -178,10 +178,7 @@ def with_sensor(fit: Fit, loops: Sequence[MeasuredLoop], known: Uncertainty) -> 
     if not measured:
         return preset
     episodes = predict([preset], measured, "reduced" if fit.unconfirmed else "mujoco")[0]
-    offsets = offsets_taken_off(
-        [bend_errors(episode, loop) for episode, loop in zip(episodes, measured, strict=True)], measured
-    )
-    each = np.array([float(of[0]) for of in offsets])
+    each = own_offsets(episodes, measured)
     spread = float(np.std(each, ddof=1)) if len(each) > 1 else 0.0
     deviation = float(np.hypot(spread, np.nan_to_num(known.zero_deviation)))
     _, widest = parameter_limits("sensor_zero_deviation")
@@ -207,7 +204,7 @@ def preset_yaml(preset: Preset, ranges: Ranges, logs: Sequence[str]) -> str:
         for name, value in preset.to_dict().items()
         if name != "name" and name not in sensor.parameters()
     }
-    rounded = {name: float(f"{values[name]:.6g}") for name, _, _ in ranges.limits if name in values}
+    rounded = {name: float(f"{values[name]:.6g}") for name, _, _ in ranges.limits}
     stated = {name: float(f"{value:.6g}") for name, value in sensor.to_dict().items()}
     named_logs = cut(", ".join(logs), 400)
     head = f"# Calibrated by `endotwin calibrate` on {named_logs}. SI units; see twin/preset/preset.py.\n"

@@ -64,8 +64,7 @@ class MeasuredLoop:
     def noise(self) -> Array:
         """Variance of the noise of each angle, after averaging, (planes,) [rad^2]; (0,) if unknown."""
         noise = np.array(self.reading_noise)
-        readings = self.sample_time / self.reading_step if self.reading_step else 0.0
-        return np.where(noise > AVERAGED, noise / readings, noise) if readings > 2 else noise
+        return noise / _readings_averaged(noise, self.reading_step, self.sample_time)
 
     @property
     def sheath_bend(self) -> float | None:
@@ -152,7 +151,7 @@ def measured_loop(
     pull, tension = even.pull, even.wire_tension[:, :2, 0:1].reshape(count, -1)
     readings = [of for of in (episode.measured_bend, episode.lateral_bend) if of.size]
     noise = np.nan_to_num([estimated_variance(of) for of in readings])
-    widths = np.where((noise > AVERAGED) & (step < sample_time / 2), sample_time, 0.0)
+    widths = np.where(_readings_averaged(noise, step, sample_time) > 1, sample_time, 0.0)
     bends = [_averaged(time, of, even.time, width) for of, width in zip(readings, widths, strict=True)]
     bend, lateral_bend = (*bends, even.lateral_bend)[:2]
     lateral_pull = even.lateral_pull
@@ -181,6 +180,12 @@ def measured_loop(
         reading_step=step,
         origin=file_of_window(episode),
     )
+
+
+def _readings_averaged(noise: Array, step: float, sample_time: float) -> Array:
+    """Return how many readings, `step` apart [s], a sample is the mean of, by the noise of each angle."""
+    readings = sample_time / step if step else 0.0
+    return np.where((noise > AVERAGED) & (readings > 2), readings, 1.0)
 
 
 def _averaged(time: Array, reading: Array, grid: Array, width: float) -> Array:

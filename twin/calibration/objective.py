@@ -173,14 +173,11 @@ def offsets_taken_off(errors: Sequence[Sequence[Array]], loops: Sequence[Measure
     ]
 
 
-def mean_offset(episodes: Sequence[Episode | None], loops: Sequence[MeasuredLoop]) -> float:
-    """Return the mean offset in the first plane of fitted logs whose zero is not known [rad]; 0 of none."""
+def own_offsets(episodes: Sequence[Episode | None], loops: Sequence[MeasuredLoop]) -> Array:
+    """Return the offset in the first plane of each fitted log whose zero is not known, (L,) [rad]."""
     errors = [bend_errors(episode, loop) for episode, loop in zip(episodes, loops, strict=True)]
-    taken_off = offsets_taken_off(errors, loops)
-    of_logs = [
-        float(off[0]) for off, loop in zip(taken_off, loops, strict=True) if loop.offset and loop.fitted.any()
-    ]
-    return float(np.mean(of_logs)) if of_logs else 0.0
+    of_logs = zip(offsets_taken_off(errors, loops), loops, strict=True)
+    return np.array([float(off[0]) for off, loop in of_logs if loop.offset and loop.fitted.any()])
 
 
 def shared_offsets(offsets: Sequence[Array | None], loops: Sequence[MeasuredLoop]) -> list[Array]:

@@ -26,7 +26,7 @@ from twin.calibration.descent import (
 from twin.calibration.logs import MeasuredLoop
 from twin.calibration.objective import (
     PRIOR,
-    mean_offset,
+    own_offsets,
     penalised,
     predict,
     prior_weight,
@@ -209,7 +209,8 @@ def with_fixed_parameters(fit: Fit, loops: Sequence[MeasuredLoop]) -> Fit:
     free = FreeParameters(fit.preset, names)
     ends = [free.decode(free.start + side * PROBE * row) for side in (1, -1) for row in np.eye(len(names))]
     off = residuals(ends, loops, "reduced")
-    zeros = -np.array([mean_offset(episodes, loops) for episodes in predict(ends, loops, "reduced")])
+    offsets = np.array([own_offsets(episodes, loops) for episodes in predict(ends, loops, "reduced")])
+    zeros = -offsets.mean(axis=1) if offsets.size else np.zeros(len(ends))
     slope, of_zero = ((of[: len(names)] - of[len(names) :]) / (2 * PROBE) for of in (off, zeros))
     return dataclasses.replace(
         fit, fixed=fixed, fixed_jacobian=slope[len(fit.free.names) :].T, zero_slope=of_zero

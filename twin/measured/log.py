@@ -42,8 +42,8 @@ SHEATH_BEND_COLUMN = "sheath_bend_deg"  # name of the column of the angle that t
 GAP = 20.0  # time step, relative to the median one, from which on it counts as a gap
 RESTARTED = 5  # rows that stay behind the time before them, from which on the clock has been set back
 SHORTEST_PAUSE_S = 1.0  # between two runs of one file [s]
-JITTER = 0.2  # spread of time steps, relative to the median one, that is told
-JUMP = 8.0  # step there and back within one row, relative to nearly all other steps, that is told
+JITTER = 0.2  # spread of time steps, relative to the median one, that is named
+JUMP = 8.0  # step there and back within one row, relative to nearly all other steps, that is named
 LARGEST_RADIUS = 1.0  # largest radius of a pulley [m]
 LARGEST_SHEATH_BEND_DEG = 1440.0  # largest bend of a sheath [deg], the limit of a preset
 MOST_WINDOWS = 10_000  # largest number of windows in a file: a column with more changes is none of windows
@@ -305,13 +305,13 @@ def _joined(table: CsvTable, form: LogFormat, warn: Warn) -> CsvTable:
         return table
     names = form.command_column, form.angle_column
     command, angle = (table.column(name, may_miss=True) for name in names)
-    told, seen = ~np.isnan(command), ~np.isnan(angle)
-    if (told & seen).sum() < 0.1 * min(told.sum(), seen.sum()) and len(told) > GAP:
+    commanded, seen = ~np.isnan(command), ~np.isnan(angle)
+    if (commanded & seen).sum() < 0.1 * min(commanded.sum(), seen.sum()) and len(commanded) > GAP:
         warn(f"{table.path}: {names[0]} and {names[1]} are in rows of their own: the last command is held")
-        table, told = table.filled(names[0], hold(command)).only(seen), ~np.isnan(hold(command))[seen]
-    if not told[0] and told.any():
-        first = int(told.argmax())
-        warn(f"{table.count(~told[:first], f'{names[0]} has not begun')}: such rows are left out")
+        table, commanded = table.filled(names[0], hold(command)).only(seen), ~np.isnan(hold(command))[seen]
+    if not commanded[0] and commanded.any():
+        first = int(commanded.argmax())
+        warn(f"{table.count(~commanded[:first], f'{names[0]} has not begun')}: such rows are left out")
         table = table.only(slice(first, None))
     return table
 

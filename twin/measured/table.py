@@ -464,7 +464,7 @@ class _Growing:
 
 
 def _seconds(text: str) -> float:
-    """Return the seconds since 1970 of a date and time, in UTC where no zone is told; NaN of other texts."""
+    """Return the seconds since 1970 of a date and time, in UTC without a zone; NaN of other texts."""
     with contextlib.suppress(ValueError, OverflowError):
         moment = datetime.datetime.fromisoformat(text.strip())
         zoned = moment if moment.tzinfo else moment.replace(tzinfo=datetime.UTC)
