@@ -51,7 +51,7 @@ class Guess:
             if role == "time" and "fraction" in self.roles:
                 found["time_column"] += (self.roles["fraction"],)
             if column is None or (column.unit or unit_in(name)) not in units:
-                known = np.empty(0) if column is None else column.values[~np.isnan(column.values)]
+                known = np.empty(0) if column is None else column.known
                 step = float(np.median(np.abs(np.diff(known)))) if len(known) > 1 else 0.0
                 likely = (unit for unit, size in TIME_UNITS.items() if 1e-3 <= step * size <= 2)
                 found[f"{role}_unit"] = (next(likely, "UNIT") if role == "time" else "UNIT",)
@@ -78,7 +78,7 @@ class Guess:
         of_name = {name: role for role, name in self.roles.items()}
         found = []
         for name, column in self.table.columns.items():
-            known = column.values[~np.isnan(column.values)]
+            known = column.known
             ends = f"{known.min():.6g} to {known.max():.6g}" if known.size else "no numbers"
             missing = 1 - known.size / len(column.values)
             found.append([shown_name(name), of_name.get(name, ""), ends, f"{missing:.0%}" if missing else ""])
@@ -123,10 +123,9 @@ def _fits(name: str, column: Column, role: str, words: str, units: Mapping[str, 
 
 
 def _varies(column: Column) -> bool:
-    known = column.values[~np.isnan(column.values)]
-    return known.size > 1 and bool(np.ptp(known) > 0)
+    return column.known.size > 1 and bool(np.ptp(column.known) > 0)
 
 
 def _rises(column: Column) -> bool:
-    known = column.values[~np.isnan(column.values)]
+    known = column.known
     return known.size > 1 and bool((np.diff(known) >= 0).mean() > 0.9) and bool(known[-1] > known[0])

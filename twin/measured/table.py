@@ -75,6 +75,12 @@ class Column:
     texts: Mapping[int, str]  # texts of the first wrong rows, by line
     unit: str = ""  # of a row of units below the header; s of dates, which are seconds since 1970
 
+    @property
+    def known(self) -> Array:
+        """Values that are numbers."""
+        known: Array = self.values[~np.isnan(self.values)]
+        return known
+
 
 @dataclasses.dataclass(frozen=True)
 class CsvTable:
