@@ -123,7 +123,8 @@ def _fits(name: str, column: Column, role: str, words: str, units: Mapping[str, 
 
 
 def _varies(column: Column) -> bool:
-    return column.known.size > 1 and bool(np.ptp(column.known) > 0)
+    known = column.known
+    return known.size > 1 and bool(np.ptp(known) > 0)
 
 
 def _rises(column: Column) -> bool:
