@@ -11,8 +11,8 @@ from rl.twins.graph import export_twins
 from rl.twins.learning import fit_ood_detector, learn_noise_models
 from rl.twins.members import choose_members
 from rl.twins.memory_step import HIDDEN, MemoryStep
-from rl.twins.noises import count_noise_models
-from rl.twins.records import Prediction, SequenceSource, TwinArrays, by_members, principal_directions
+from rl.twins.noises import noise_models
+from rl.twins.records import Prediction, TwinArrays, by_members, principal_directions
 from rl.twins.recurrent_step import (
     Convolution,
     Correction,
@@ -25,7 +25,7 @@ from rl.twins.recurrent_step import (
     RecursiveGain,
     StateSpace,
 )
-from rl.twins.run import Learner, OnShare, OnWeights, scaled_to_options, train_on_twins, train_with_model
+from rl.twins.run import Learner, OnShare, scaled_to_options, train_on_twins, train_with_model
 from rl.twins.settings import NetworkTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.estimation.learned import methods, ram_twins
@@ -96,12 +96,9 @@ def train_ram_twins(
     def begin(records: TwinArrays) -> tuple[TwinsStep, Prediction]:
         step = TwinsStep(
             principal_directions(records[1], settings.rank),
-            count_noise_models(settings.known_noises),
-            settings.policy_width,
-            policy_layers=settings.policy_layers,
+            noise_models(settings.known_noises),
             with_error=settings.with_error,
         )
-        step.goes_along = False  # until the policy has learned
         return step, by_members
 
     def learn_noise(step: TwinsStep, on_share: OnShare) -> None:
@@ -111,18 +108,12 @@ def train_ram_twins(
             lambda update, _: on_share(update, settings.noise_model_updates),
         )
 
-    def explore(step: TwinsStep, source: SequenceSource, on_share: OnShare, on_weights: OnWeights) -> None:
-        from rl.twins.ppo import learn_by_ppo  # here: other trainings need no stable-baselines3
-
-        learn_by_ppo(step, source, settings, on_share, on_weights)
-
     learner = Learner(
         ram_twins.TRAINING,
         begin,
         lambda step, *written: export_twins(step, settings.members, *written),
         choose,
         prepare=learn_noise,
-        explore=explore,
         guard=lambda step, source: fit_ood_detector(step, source, settings),
     )
     return train_on_twins(learner, preset, ranges, settings, folder, on_progress)
@@ -136,7 +127,7 @@ def _register(
             spec,
             on_twins=scaled_to_options(train, settings),
             unit="thousandths",
-            searched={"learning_rate": RATES} | searched,
+            searched=searched,
         )
     )
 
@@ -147,7 +138,8 @@ for _rival in RIVALS.values():
         _rival.spec,
         functools.partial(train_with_model, _rival.spec.training, _rival.untrained),
         _rival.settings,
-        {"width": _rival.widths},
+        {"learning_rate": RATES, "width": _rival.widths},
     )
-_register(methods.RAM_MEMORY, train_ram_memory, RAM_MEMORY_SETTINGS, {"width": (HIDDEN, 72)})
-_register(ram_twins.RAM_TWINS, train_ram_twins, TwinsTraining(), {"policy_width": (64, 96)})
+_of_memory = {"learning_rate": RATES, "width": (HIDDEN, 72)}
+_register(methods.RAM_MEMORY, train_ram_memory, RAM_MEMORY_SETTINGS, _of_memory)
+_register(ram_twins.RAM_TWINS, train_ram_twins, TwinsTraining(), {})

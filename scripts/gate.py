@@ -37,6 +37,9 @@ class Gate(Options):
     """Pulls that twins are tried on [mm]; those of the training, if not given, else those of the logs."""
     sensor_zero_deg: float | None = None
     """Reading of the logs' sensor where the section is straight [deg]; that of the preset, if not given."""
+    sensor_zero_deviation_deg: float | None = None
+    """Standard deviation of what is known of that zero [deg], 0 where it is calibrated; that of the preset,
+    if not given."""
     sensor_lag_s: float | None = None
     """Age of its readings when they arrive [s]; that of the preset, if not given."""
     quick: tyro.conf.FlagCreatePairsOff[bool] = False
@@ -72,7 +75,11 @@ def gate(args: Gate) -> Summary:
         sample_time=args.sample_time,
         seed=args.seed,
         size=QUICK if args.quick else WHOLE,
-        sensor=SensorModel.of(preset).replace(zero_deg=args.sensor_zero_deg, lag_s=args.sensor_lag_s),
+        sensor=SensorModel.of(preset).replace(
+            zero_deg=args.sensor_zero_deg,
+            zero_deviation_deg=args.sensor_zero_deviation_deg,
+            lag_s=args.sensor_lag_s,
+        ),
     )
     verdict = run_gate(material, Progress("gate"))
     given = [args.policy, *args.logs]

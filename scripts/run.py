@@ -2,12 +2,13 @@
 
 import contextlib
 import dataclasses
+import math
 import sys
 import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
@@ -52,10 +53,17 @@ class Run:
     """R of the sensor [deg^2]; if not given, as estimated from a log, and live as in the trained file."""
     sensor_zero_deg: float | None = None
     """Reading of the sensor where the section is straight [deg]; that of the trained file, if not given."""
+    sensor_zero_deviation_deg: float | None = None
+    """Standard deviation of what is known of that zero [deg], 0 where it is calibrated; that of the trained
+    file, if not given."""
     sensor_lag_s: float | None = None
     """Age of a reading when it arrives [s]; that of the trained file, if not given."""
+    start: Literal["unknown", "rest"] = "unknown"
+    """What is known of the time before: `rest` where the endoscope was straight, and then not moved."""
     initial_bend_deg: float = 0.0
     """Estimate at the first sample [deg]."""
+    initial_deviation_deg: float = math.inf
+    """Standard deviation of that estimate [deg], for RAM (twins); infinite where nothing is known."""
     stroke: tuple[float, float] | None = None
     """Live: lowest and highest pull that may be commanded [mm]. With it, lines with "reference_deg" are
     answered with "command_mm", the pull to command at the next sample (RAM (twins) alone)."""
@@ -220,7 +228,13 @@ def _prepared(args: Run, file: "TrainedFile") -> "Callable[[], AssuredEstimator]
         file,
         sample_time=args.sample_time,
         noise_variance=args.noise_variance,
-        sensor=sensor_of(file).replace(zero_deg=args.sensor_zero_deg, lag_s=args.sensor_lag_s),
+        sensor=sensor_of(file).replace(
+            zero_deg=args.sensor_zero_deg,
+            zero_deviation_deg=args.sensor_zero_deviation_deg,
+            lag_s=args.sensor_lag_s,
+        ),
+        start=args.start,
+        initial_deviation_deg=args.initial_deviation_deg,
     )
     return partial(prepared, args.initial_bend_deg)
 
@@ -250,6 +264,7 @@ def _facts(args: Run, runtime: "AssuredEstimator") -> dict[str, Any]:
         "noise_variance_deg2": runtime.noise_variance,
         "sensor": runtime.sensor.to_dict(),
         "initial_bend_deg": args.initial_bend_deg,
+        "start": args.start,
     }
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 STRICT = {"noise": "gaussian", "noise_level": 0.1}
 _OPTIONS = [field.name for field in dataclasses.fields(TrainingOptions)]
-_OF_TWINS = ("preset", "noises", "stroke", "gain", "sample_times")
+_OF_TWINS = ("preset", "noises", "stroke", "sample_times")
 _OF_RECORDS = {"sample_time", *_OPTIONS} - {"agent", "episodes", "seed"}
 POLICIES = ("ram", "direct")  # agents that learn by reinforcement on records
 _OF_POLICIES = ("agent_file", "algorithm", "network", "error_scale", "held_out")
@@ -54,13 +54,10 @@ class Train(Options):
     preset: str = "ureteroscope"
     """Protocol twins: the endoscope, and the ranges that its twins are drawn from; a name or a YAML file."""
     noises: tuple[str, ...] = ()
-    """Protocol twins: families of noise to learn from, of those in docs/ram_twins.md; all
-    but weibull, if not given."""
+    """Protocol twins: families of noise to learn from, of those in docs/ram_twins.md; all,
+    if not given."""
     stroke: tuple[float, float] | None = None
     """Protocol twins: lowest and highest pulling distance that is met [mm]; -4 4, if not given."""
-    gain: tuple[str, ...] = ()
-    """Protocol twins: how the policy of RAM (twins) learns: analytic, by back-propagation through the filter;
-    ppo; or `analytic ppo`, one after the other. analytic, if not given."""
     sample_times: tuple[float, ...] = ()
     """Protocol twins: sample times that are met [s], of 0.1, 0.04 and 0.02, the first of several in 0.7 of
     the sequences; all three in this order, if not given."""
@@ -267,8 +264,8 @@ def _on_twins(args: Train) -> "tuple[Material, str]":
     if flag := _first_given(args, _OF_RECORDS):
         raise ValueError(f"{flag} is of a training on records: --protocol twins has settings of its own")
     preset = load_preset(args.preset)
-    names = ("noises", "stroke_mm", "gain", "sample_times")
-    given = zip(names, (args.noises, args.stroke, args.gain, args.sample_times), strict=True)
+    names = ("noises", "stroke_mm", "sample_times")
+    given = zip(names, (args.noises, args.stroke, args.sample_times), strict=True)
     settings = {name: value for name, value in given if value}
     simulated = Simulated(preset, load_ranges(args.preset), settings)
     return Material(simulated=simulated), f"simulated twins of {preset.name}"

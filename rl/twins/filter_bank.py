@@ -1,6 +1,8 @@
 """Noise models and the bank of filters that classifies the noise: one filter for each model.
 
-Each noise model has a density and a mean of its own.
+A noise model is a shape of mean zero. Where the noise lies is the sensor's zero b, a state of every filter,
+whose prior the user states: shapes are learned, places are not. A skewed shape has its mirror image in the
+bank, with the same parameters.
 
 A noise model is a mixture of normal distributions in units of sqrt(R). Convolved with a normal belief of the
 angle it is one again, so that how likely it made an innovation, and where the angle is then, are known in
@@ -9,11 +11,13 @@ of sqrt(R), another in degrees, as the counts of a Poisson noise model are whole
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 
-from rl.twins.filter_step import LEAST_VARIANCE, MemberMotion, network
+from rl.twins.filter_step import LEAST_VARIANCE, MemberMotion, along, network
+from rl.twins.noises import ModelOf
 
 Tensor = torch.Tensor
 
@@ -26,10 +30,9 @@ NARROWEST_DEG2 = 0.01  # of a part: no model of the angle is good enough for the
 class NoiseModels(NamedTuple):
     """J noise models of K parts at B values of R, in units of sqrt(R) and of R."""
 
-    place: Tensor  # (B, J, K) mean of each part
+    place: Tensor  # (B, J, K) mean of each part; that of all parts is zero
     log_weight: Tensor  # (B, J, K) logarithm of how likely each is
     width: Tensor  # (B, J, K) variance of each
-    mean: Tensor  # (B, J) of each noise_model
     effective: Tensor  # (B, J) variance of the normal distribution with the same information about the angle
     log_prior: Tensor  # (B, J) logarithm of how likely each noise model is before anything is measured
 
@@ -44,8 +47,13 @@ class NoiseModels(NamedTuple):
 class NoiseModelParameters(torch.nn.Module):
     """Parameters of the noise_models."""
 
-    def __init__(self, count: int):
+    def __init__(self, models: Sequence[ModelOf]):
         super().__init__()
+        count = max(of.shape for of in models) + 1
+        # Selected by a product: files of ours have no operator that indexes.
+        shape = torch.tensor([of.shape for of in models])
+        self.of_shape = torch.nn.Buffer(torch.nn.functional.one_hot(shape, count).float())  # (J, shapes)
+        self.side = torch.nn.Buffer(torch.tensor([of.side for of in models])[:, None])
         of_deviation = PARTS - _IN_DEGREES
         places, weights, widths = torch.zeros(2, PARTS), torch.zeros(3, PARTS), torch.zeros(2, PARTS)
         places[0, :of_deviation] = torch.linspace(-1.5, 2.0, of_deviation)
@@ -62,28 +70,28 @@ class NoiseModelParameters(torch.nn.Module):
 
     @property
     def count(self) -> int:
-        """J, number of noise_models."""
-        return self.effective.shape[1]
+        """J, number of noise models."""
+        return len(self.side)
 
     def forward(self, variance: Tensor) -> NoiseModels:
         """Return the noise models at (B,) values of R [deg^2]."""
         variance = variance.clamp(*_R)
         level = torch.log(variance)[:, None, None]
         size = variance[:, None, None]
-        one, by_level, by_size = self.weights
+        one, by_level, by_size = (self.of_shape @ of for of in self.weights)
         score = one + level * by_level + size / 4 * by_size
         weight, total = normed(score)
-        place = self.places[0] + torch.exp(-level / 2) * self.places[1]
-        in_degrees = torch.exp(2 * self.widths[1]) + NARROWEST_DEG2
-        width = torch.exp(2 * self.widths[0]) + in_degrees / size
-        one, by_level, by_size = self.effective
+        of_deviation, of_degrees = (self.side * (self.of_shape @ of) for of in self.places)
+        place = of_deviation + torch.exp(-level / 2) * of_degrees
+        of_deviation, of_degrees = (self.of_shape @ torch.exp(2 * of) for of in self.widths)
+        width = of_deviation + (of_degrees + NARROWEST_DEG2) / size
+        one, by_level, by_size = (of @ self.of_shape.T for of in self.effective)
         effective = torch.exp((one + level[:, 0] * by_level + size[:, 0] / 4 * by_size).clamp(-4, 1))
-        prior = self.prior(level[:, 0] / 3)
+        prior = self.prior(level[:, 0] / 3) @ self.of_shape.T
         return NoiseModels(
-            place,
+            place - (weight * place).sum(dim=-1)[..., None],
             score - total[..., None],
             width,
-            (weight * place).sum(dim=-1),
             effective,
             prior - normed(prior)[1][..., None],
         )
@@ -105,119 +113,131 @@ def normed(logarithms: Tensor) -> tuple[Tensor, Tensor]:
     return values / total, (top + torch.log(total))[..., 0]
 
 
-HISTORY = 400.0  # samples after which what was seen of the noise is forgotten
-CAUTION = 0.2  # added to R where P shrinks, as training begins, in units of R: no noise model is certain
-WITHIN = 0.01  # variance of the mean of a noise about that of its noise model, in units of R
+HISTORY = 400.0  # samples for which a noise lasts in the mean (a Markov chain, Blom and Bar-Shalom 1988)
+CAUTION = 0.2  # added to R where P shrinks, in units of R: no noise model is certain
 
 
 class FilterBankState(NamedTuple):
     """State of B banks of J filters."""
 
-    rows: Tensor  # (B, J, n) of c and d [deg], by noise_model
+    rows: Tensor  # (B, J, n) of c, d and b [deg], by noise model
     covariance: Tensor  # (B, n, n) of each of them
-    evidence: Tensor  # (B, J) logarithm of how likely each noise model made what was measured
-
-
-class NoiseBelief(NamedTuple):
-    """Belief in the noise models."""
-
-    noise_models: NoiseModels  # at the given R
-    weights: Tensor  # (B, J) probabilities
-    bias: Tensor  # (B,) mean of the noise in units of sqrt(R)
-    bias_variance: Tensor  # (B,) how sure that is, in units of R
+    evidence: Tensor  # (B, J) logarithm of how likely each noise model is, less that at the start
 
 
 class FilterBankPrediction(NamedTuple):
     """State of the filter bank, as predicted for a sample."""
 
-    belief: NoiseBelief  # in the noise models, before the sample
+    weights: Tensor  # (B, J) probabilities of the noise models, before the sample
+    noise_models: NoiseModels  # at the given R
     evidence: Tensor  # (B, J) for them
-    angle: Tensor  # (B, n) of theta on c and d
+    angle: Tensor  # (B, n) of theta on c, d and b
+    seen_as: Tensor  # (B, n) of the measurement on them: theta + b
     rows: Tensor  # (B, J, n)
     covariance: Tensor  # (B, n, n) before it grows
     offset: Tensor  # (B, J) angle of each filter about the mean of the members [deg]
-    towards: Tensor  # (B, n) P a, before P grows
+    expected: Tensor  # (B, J) measurement that each expects, about the same [deg]
+    towards: Tensor  # (B, n) P h, before P grows
+
+
+class BankUpdate(NamedTuple):
+    """Result of one sample."""
+
+    offset: Tensor  # (B,) angle about the mean of the members [deg]
+    variance: Tensor  # (B,) of it [deg^2]
+    zero: Tensor  # (B,) b [deg]
+    zero_variance: Tensor  # (B,) of it [deg^2]
+    state: FilterBankState
 
 
 class FilterBank(torch.nn.Module):
-    """Filters of twins, one for each noise_model."""
+    """Filters of twins, one for each noise model."""
 
-    def __init__(self, motion: MemberMotion, noise_models: int):
+    def __init__(self, motion: MemberMotion, models: Sequence[ModelOf]):
         super().__init__()
         self.motion = motion
-        self.noise_models = NoiseModelParameters(noise_models)
-        self.sharpness = torch.nn.Parameter(torch.zeros(()))  # logarithm of what one sample counts
-        self.caution = torch.nn.Parameter(torch.tensor(math.log(CAUTION)))
+        self.noise_models = NoiseModelParameters(models)
 
-    def start(self, variance: Tensor) -> FilterBankState:
-        """Return the state before anything is measured, for (B,) variances R [deg^2]."""
-        batch, noise_models, size = len(variance), self.noise_models.count, len(self.motion.of_error)
-        return FilterBankState(
-            torch.zeros(batch, noise_models, size),
-            self.motion.first_covariance(variance),
-            torch.zeros(batch, noise_models),
-        )
+    def start(self, first_covariance: Tensor) -> FilterBankState:
+        """Return the state before anything is measured, for (B, n, n) covariances."""
+        batch, models, size = len(first_covariance), self.noise_models.count, first_covariance.shape[-1]
+        return FilterBankState(torch.zeros(batch, models, size), first_covariance, torch.zeros(batch, models))
 
-    def believe(self, evidence: Tensor, variance: Tensor) -> NoiseBelief:
-        """Return the belief in the noise models by what was seen (B, J), for (B,) variances R [deg^2]."""
-        return _believe(self.noise_models(variance), evidence)
+    def believe(self, evidence: Tensor, variance: Tensor) -> Tensor:
+        """Return (B, J) probabilities of the noise models, for (B,) variances R [deg^2]."""
+        return torch.softmax(self.noise_models(variance).log_prior + evidence, dim=-1)
 
     def predict(
-        self, state: FilterBankState, angle: Tensor, keep: Tensor, variance: Tensor
+        self,
+        state: FilterBankState,  # after the sample before
+        angle: Tensor,  # (B, n) of theta on c, d and b
+        keep: Tensor,  # (B, n) what is left of them
+        variance: Tensor,  # (B,) R [deg^2]
     ) -> FilterBankPrediction:
-        """Return the prediction, by theta on c and d and what is left of them (B, n), and R (B,) [deg^2]."""
-        belief = self.believe(state.evidence, variance)
+        """Return the state as predicted for a sample."""
         rows = state.rows * keep[:, None, :]
         covariance = state.covariance * (keep[:, :, None] * keep[:, None, :])
-        towards = torch.bmm(covariance, angle[:, :, None])[:, :, 0]
+        seen_as = angle + self.motion.of_zero
+        towards = torch.bmm(covariance, seen_as[:, :, None])[:, :, 0]
         offset = (rows * angle[:, None, :]).sum(dim=-1)
-        return FilterBankPrediction(belief, state.evidence, angle, rows, covariance, offset, towards)
+        noise_models: NoiseModels = self.noise_models(variance)
+        return FilterBankPrediction(
+            torch.softmax(noise_models.log_prior + state.evidence, dim=-1),
+            noise_models,
+            state.evidence,
+            angle,
+            seen_as,
+            rows,
+            covariance,
+            offset,
+            offset + along(rows, self.motion.of_zero),
+            towards,
+        )
 
     def update(
         self,
-        prior: FilterBankPrediction,  # from `predict`
-        grows: Tensor,  # (B, n) what the variances of c and d grow by
-        measured: Tensor,  # (B,) measurement about the mean of the members [deg]
+        prior: FilterBankPrediction,
+        grows: Tensor,  # (B, n) what the variances grow by
+        measured: Tensor,  # (B,) measurement about the middle of the members [deg]
         seen: Tensor,  # (B,) 1 where there is one
         variance: Tensor,  # (B,) R [deg^2]
-        on_gain: Tensor,  # (B,) what the policy adds to the logit of every gain
-        on_noise: Tensor,  # (B,) logarithm of what it multiplies R by, as P shrinks
-    ) -> tuple[Tensor, Tensor, NoiseBelief, FilterBankState]:
-        """Return angle and variance (B,) [deg], [deg^2], and belief and state after a sample.
-
-        The angle is about the mean of the members.
-        """
-        angle, noise_models, root = prior.angle, prior.belief.noise_models, torch.sqrt(variance)
+    ) -> BankUpdate:
+        """Return angles, zeros and states after a sample."""
+        noise_models, root = prior.noise_models, torch.sqrt(variance)
+        angle, seen_as = prior.angle, prior.seen_as
         covariance = prior.covariance + grows[:, :, None] * self.motion.unit
-        towards = prior.towards + grows * angle
-        doubt = (angle * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
+        towards = prior.towards + grows * seen_as
+        doubt = (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
         relative = doubt / variance
 
-        innovation = (measured[:, None] - prior.offset) / root[:, None]
+        innovation = (measured[:, None] - prior.expected) / root[:, None]
         residual = innovation[:, :, None] - noise_models.place  # from each part
         share, log_model = normed(noise_models.log_parts(residual, relative))
-        logit = torch.log(relative[:, None, None] / noise_models.width)  # of K_AM
-        gain = torch.sigmoid(logit + on_gain[:, None, None])
+        gain = torch.sigmoid(
+            torch.log(relative[:, None, None] / noise_models.width)
+        )  # in [0, 1]: P / (P + R)
         step = (gain * residual * share).sum(dim=-1) * (root * seen / doubt)[:, None]
         rows = prior.rows + step[:, :, None] * towards[:, None, :]
 
-        counts_as = (seen * torch.exp(self.sharpness))[:, None]
-        evidence = prior.evidence * (1 - seen / HISTORY)[:, None] + counts_as * log_model
-        after = _believe(noise_models, evidence)
-        believed = (after.weights * noise_models.effective).sum(dim=-1)
-        effective = (believed + torch.exp(self.caution)) * torch.exp(on_noise)
+        after = torch.softmax(noise_models.log_prior + prior.evidence + seen[:, None] * log_model, dim=-1)
+        # The noise may change at any sample: no model becomes so unlikely that it could not come back.
+        first = torch.exp(noise_models.log_prior)
+        after = after + (seen / HISTORY)[:, None] * (first - after)
+        evidence = torch.log(after) - noise_models.log_prior
+        believed = (after * noise_models.effective).sum(dim=-1)
+        effective = believed + CAUTION
         shrink = (seen / (doubt + variance * effective))[:, None]
         covariance = torch.baddbmm(covariance, towards[:, :, None], (towards * shrink)[:, None, :], alpha=-1)
 
-        offsets = (rows * angle[:, None, :]).sum(dim=-1)
-        offset = (after.weights * offsets).sum(dim=-1)
-        between = (after.weights * (offsets - offset[:, None]) ** 2).sum(dim=-1)
-        own = doubt * (1 - doubt * shrink[:, 0])
-        return offset, own + between, after, FilterBankState(rows, covariance, evidence)
+        of_zero = self.motion.of_zero
+        offset, own = _mixed(after, (rows * angle[:, None, :]).sum(dim=-1))
+        zero, of_zeros = _mixed(after, along(rows, of_zero))
+        own = own + (angle * torch.bmm(covariance, angle[:, :, None])[:, :, 0]).sum(dim=1)
+        of_zeros = of_zeros + along(along(covariance, of_zero), of_zero)
+        return BankUpdate(offset, own, zero, of_zeros, FilterBankState(rows, covariance, evidence))
 
 
-def _believe(noise_models: NoiseModels, evidence: Tensor) -> NoiseBelief:
-    weights = torch.softmax(noise_models.log_prior + evidence, dim=-1)
-    bias = (weights * noise_models.mean).sum(dim=-1)
-    variance = (weights * (noise_models.mean - bias[:, None]) ** 2).sum(dim=-1)
-    return NoiseBelief(noise_models, weights, bias, variance + WITHIN)
+def _mixed(weights: Tensor, values: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the mean (B,) of values (B, J), and their variance."""
+    mean = (weights * values).sum(dim=-1)
+    return mean, (weights * (values - mean[:, None]) ** 2).sum(dim=-1)

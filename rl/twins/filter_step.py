@@ -5,6 +5,7 @@ from typing import Any, ClassVar, NamedTuple
 import torch
 
 from twin.estimation.gaussian import DEVIATIONS_OF_95
+from twin.estimation.learned.ram_twins import FIRST_ERROR_DEG2
 
 
 def network(inputs: int, hidden: int, outputs: int, layers: int = 2) -> torch.nn.Sequential:
@@ -36,7 +37,7 @@ def along(values: Tensor, vector: Tensor) -> Tensor:
 
 
 LEAST_VARIANCE = 1e-8  # [deg^2]
-ALL = torch.tensor([1.0, 1.0])  # parts of a step that are on, 1 or 0: the policy and the noise classifier
+ALL = torch.tensor([1.0, 1.0])  # parts of a step that are on, 1 or 0: the policy, and its mean of the noise
 
 
 class Output(NamedTuple):
@@ -44,7 +45,7 @@ class Output(NamedTuple):
 
     bend_deg: Tensor  # (B,) estimate [deg]
     half_width_deg: Tensor  # (B,) half of its 95 % interval [deg]
-    bias: Tensor  # (B,) mean of the noise in units of sqrt(R), as recognised
+    bias: Tensor  # (B,) sensor's zero in units of sqrt(R)
     bias_variance: Tensor  # (B,) how sure that is, in units of R
     action: Tensor  # (B, actions) before bounds: on the total gain, on R for the covariance, on growth
     deviation_deg: Tensor  # (B,) standard deviation of the estimate as the filter has it [deg]
@@ -54,25 +55,27 @@ class Output(NamedTuple):
 class FilterStep(torch.nn.Module):
     """One sample of a filter that learns: called with what it predicts by, a measurement and a state."""
 
-    slow: ClassVar[tuple[str, ...]] = ()  # names of parameters that learn in smaller steps
     # whether it learns by the likelihood of its errors under its own variance, or by balanced square errors
     by_likelihood: ClassVar[bool] = False
     actions: ClassVar[int]  # of the policy
 
     def __init__(self, seen: int):
         super().__init__()
-        self.seen = seen  # numbers that the interval, and a policy from outside, are made of
+        self.seen = seen  # numbers that the interval is made of
         self.interval = network(seen, 16, 1, layers=1)
         with torch.no_grad():
             last_layer(self.interval).weight.zero_()
             last_layer(self.interval).bias.zero_()
 
-    def start(self, variance: Tensor) -> Any:
-        """Return the state, a named tuple, before anything is measured, for (B,) variances R [deg^2]."""
+    def start(self, zero_deviation: Tensor) -> Any:
+        """Return the state, a named tuple, before anything is measured.
+
+        Deviations (B,) are those of what is known of the sensor's zero [deg].
+        """
         raise NotImplementedError
 
-    def begun(self, state: Any, variance: Tensor) -> Any:
-        """Return a state, or the first one where it is all zero; for (B,) variances R [deg^2]."""
+    def begun(self, state: Any, zero_deviation: Tensor) -> Any:
+        """Return a state, or the first one where it is all zero; see `start`."""
         return state
 
     def widen(self, seen: Tensor) -> Tensor:
@@ -81,35 +84,37 @@ class FilterStep(torch.nn.Module):
 
 
 MEMORY_MM = 5.0  # way of the tendon after which d is forgotten
-GROWTH_DEG2_PER_MM, GROWTH_DEG2_PER_S = 0.05, 0.0065  # of the variance of d, times an action of the policy
+GROWTH_DEG2_PER_MM, GROWTH_DEG2_PER_S = 0.05, 0.0065  # of the variance of d
 MEMBERS_PER_MM = 5e-4  # growth of the variance of the coefficients: what keeps them awake for hours
-FIRST_ERROR_DEG2 = 0.02  # variance of d before anything is measured
+ZERO_PER_S = 2e-5  # growth of the variance of b, as a share of that before anything is measured
 NO_ERROR = 1e-6  # share of the variances of d where there is to be none; zero would mark a first sample
 
 
 class MemberMotion(torch.nn.Module):
-    """Decay and growth of the r coefficients c and of d, in this order: n = r + 1 numbers."""
+    """Decay and growth of the r coefficients c, of d and of the sensor's zero b, in this order: n = r + 2."""
 
     def __init__(self, rank: int, *, with_error: bool = True):
         super().__init__()
         # Parts of the state are picked by constant vectors: the exported graph needs no slices then.
-        units = torch.eye(rank + 1)
+        units = torch.eye(rank + 2)
         self.unit = torch.nn.Buffer(units)
-        self.of_error = torch.nn.Buffer(units[rank])
+        self.of_error, self.of_zero = torch.nn.Buffer(units[rank]), torch.nn.Buffer(units[rank + 1])
         self.of_members = torch.nn.Buffer(units[:rank].sum(dim=0))
         self.share_of_error = torch.nn.Buffer(torch.tensor(1.0 if with_error else NO_ERROR))
 
-    def first_covariance(self, variance: Tensor) -> Tensor:
-        """Return (B, n, n) before anything is measured, for (B,) filters whatever their R."""
+    def first_covariance(self, zero_deviation: Tensor) -> Tensor:
+        """Return (B, n, n) before anything is measured, for (B,) deviations of what is known of b [deg]."""
         first: Tensor = self.of_members + FIRST_ERROR_DEG2 * self.share_of_error * self.of_error
-        # A product, as the exported graph has no operator that makes an array of the batch's size.
-        return (1 + 0 * variance)[:, None, None] * first[:, None] * self.unit
+        of_zero = (zero_deviation * zero_deviation)[:, None] * self.of_zero
+        return (first + of_zero)[:, :, None] * self.unit
 
     def keep(self, way_mm: Tensor) -> Tensor:
         """Return (B, n) what is left of each number after a way (B,) [mm]."""
         return 1 - (1 - torch.exp(-way_mm / MEMORY_MM))[:, None] * self.of_error
 
-    def growth(self, way_mm: Tensor, sample_time: Tensor) -> tuple[Tensor, Tensor]:
-        """Return what the variances grow by: (B, n) of d, and (B, n) of c."""
+    def growth(self, way_mm: Tensor, zero_deviation: Tensor, sample_time: Tensor) -> Tensor:
+        """Return (B, n) what the variances grow by."""
         of_error = (GROWTH_DEG2_PER_MM * way_mm + GROWTH_DEG2_PER_S * sample_time) * self.share_of_error
-        return of_error[:, None] * self.of_error, MEMBERS_PER_MM * way_mm[:, None] * self.of_members
+        of_zero = ZERO_PER_S * sample_time * zero_deviation * zero_deviation
+        of_members = MEMBERS_PER_MM * way_mm[:, None] * self.of_members
+        return of_error[:, None] * self.of_error + of_members + of_zero[:, None] * self.of_zero

@@ -12,7 +12,9 @@ from rl.twins.step import TwinsStep
 from twin.estimation.learned.step import ALL_PARTS, PARTS
 
 _BY_MODEL: dict[str, tuple[int, ...]] = dict.fromkeys(("keep", "drive_deg", "increment_mm"), ())
-_OF_SAMPLE: dict[str, tuple[int, ...]] = dict.fromkeys(("measurement_deg", "variance", "sample_time"), ())
+_OF_SAMPLE: dict[str, tuple[int, ...]] = dict.fromkeys(
+    ("measurement_deg", "variance", "zero_deviation_deg", "sample_time"), ()
+)
 _OF_SAMPLE |= {PARTS: (len(ALL_PARTS),)}
 
 
@@ -27,7 +29,8 @@ class StepGraph(torch.nn.Module):
     def forward(self, *arguments: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Return estimate, half of its interval, and the arrays of the state after the sample.
 
-        Arguments are the inputs of the step, which end in R, T and parts, and the arrays of its state.
+        Arguments are the inputs of the step, which end in R, the deviation of the zero, T and parts, and the
+        arrays of its state.
         """
         count = len(arguments) - len(self._state._fields)
         given, state = arguments[:count], self._state(*arguments[count:])

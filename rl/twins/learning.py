@@ -1,10 +1,10 @@
 """The lessons of a filter on simulated twins: its gain, and the width of its interval.
 
-1. RAM (twins) learns its noise models (`learn_noise_models`).
-2. Everything learns by back-propagation through the filter: an analytic policy gradient. Errors count
-   as they do in the published figure (`TypicalErrors`).
-3. RAM (twins) learns what noise is like that of its training (`fit_ood_detector`).
-4. The width of the interval learns by the pinball loss (Koenker and Bassett 1978): a quantile of |error|.
+1. RAM (twins) learns its noise models (`learn_noise_models`), and what noise is like them
+   (`fit_ood_detector`). No filter is needed for the first.
+2. Others learn by back-propagation through the filter: an analytic policy gradient. Errors count as they do
+   in the published figure (`TypicalErrors`).
+3. The width of the interval learns by the pinball loss (Koenker and Bassett 1978): a quantile of |error|.
 """
 
 import math
@@ -21,8 +21,8 @@ from rl.twins.filter_bank import NoiseModelParameters, log_density
 from rl.twins.filter_step import ALL, FilterStep, Output
 from rl.twins.noises import draw_noises
 from rl.twins.ood_detector import Histograms
-from rl.twins.records import STRIDES, Sequences, SequenceSource
-from rl.twins.settings import SimulatedTraining, TwinsTraining
+from rl.twins.records import SITUATIONS, STRIDES, Sequences, SequenceSource
+from rl.twins.settings import NetworkTraining, SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.signals.streams import SeedUse, random_stream
 
@@ -36,8 +36,8 @@ _SLOWEST = 0.05  # weight of a new mean among those before
 class TypicalErrors:
     """Running means of errors squared over R^0.7, by family, sample time and window."""
 
-    def __init__(self, settings: SimulatedTraining):
-        shape = (len(settings.noises), len(STRIDES), settings.windows)
+    def __init__(self, settings: NetworkTraining):
+        shape = (len(settings.noises) + len(SITUATIONS), len(STRIDES), settings.windows)
         self.window = settings.window
         self.means: NDArray[np.float64] = np.zeros(shape)  # zero where none has been met
         self.met: NDArray[np.float64] = np.zeros(shape)  # how often each has been met
@@ -80,7 +80,7 @@ class TypicalErrors:
 
 
 def departure(action: torch.Tensor, linear: torch.Tensor) -> torch.Tensor:
-    """Return (B,) how far actions (B, actions) depart from the linear update where that is best."""
+    """Return (B,) how far gain and R, the first two actions, depart from the best, a linear update."""
     return linear * (torch.tanh(action[:, :2]) ** 2).sum(dim=1)
 
 
@@ -91,8 +91,8 @@ def filter_sequences(
     step: FilterStep, drawn: Sequences, parts: torch.Tensor, state: Any = None
 ) -> Iterator[tuple[Output, Any]]:
     """Yield outputs and states sample by sample, from a state or from the start."""
-    state = step.start(drawn.variance) if state is None else state
-    given = drawn.variance, drawn.sample_time, parts
+    state = step.start(drawn.zero_deviation_deg) if state is None else state
+    given = drawn.variance, drawn.zero_deviation_deg, drawn.sample_time, parts
     for *inputs, measurement in zip(*drawn.inputs, drawn.measurement_deg, strict=True):
         output, state = step(*inputs, measurement, *given, state)
         yield output, state
@@ -101,13 +101,12 @@ def filter_sequences(
 def fit_ood_detector(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> None:
     """Learn what the training's noises look like to the finished filter; from then on it is guarded."""
     rng = random_stream(settings.seed, SeedUse.LESSON_FAMILIARITY)
-    step.goes_along = True
     half = max(min(128, settings.interval_sequences // 2), 1)
     found: tuple[list[Histograms], list[Histograms]] = ([], [])
     with torch.no_grad():
         for place, drawn, (_, state) in _finished(step, source, settings, rng, 2 * half):
             if place % 10 == 9:  # neighbours add little
-                weights = step.filter_bank.believe(state.evidence, drawn.variance).weights
+                weights = step.filter_bank.believe(state.evidence, drawn.variance)
                 whole = Histograms(weights, state.counts, torch.log(drawn.variance))
                 for part, rows in zip(found, (slice(half), slice(half, None)), strict=True):
                     part.append(Histograms(*(of[rows] for of in whole)))
@@ -123,7 +122,7 @@ def fit_ood_detector(step: TwinsStep, source: SequenceSource, settings: TwinsTra
 def learn_gain(
     step: FilterStep,
     draw: Callable[[int, int, np.random.Generator], Sequences],
-    settings: SimulatedTraining,
+    settings: NetworkTraining,
     on_update: OnUpdate | None = None,
     keeper: Keeper | None = None,
 ) -> None:
@@ -143,7 +142,7 @@ def learn_gain(
         if place == 0:
             rng = random_stream(settings.seed, SeedUse.LESSON_GAIN, update)
             whole = draw(settings.sequences, episode, rng)
-            held[:] = [(whole, step.start(whole.variance))]
+            held[:] = [(whole, step.start(whole.zero_deviation_deg))]
         whole, state = held[0]
         if place:  # the state is handed on to the next window, its history is not
             state = state._make(of.detach() for of in state)
@@ -152,11 +151,7 @@ def learn_gain(
         held[:] = [(whole, state)]
         return value
 
-    parameters = dict(step.named_parameters())
-    groups: list[dict[str, Any]] = [
-        {"params": [of for name, of in parameters.items() if name not in step.slow]},
-        {"params": [of for name, of in parameters.items() if name in step.slow], "share": 0.2},
-    ]
+    groups: list[dict[str, Any]] = [{"params": list(step.parameters())}]
     descend(groups, loss, settings.updates, settings.learning_rate, on_update, keeper)
 
 
@@ -164,7 +159,7 @@ def _window_loss(
     step: FilterStep,
     window: Sequences,
     state: Any,
-    settings: SimulatedTraining,
+    settings: NetworkTraining,
     typical: TypicalErrors,
     place: int,
 ) -> tuple[torch.Tensor, Any]:
@@ -257,7 +252,7 @@ Tensor = torch.Tensor
 BATCH, SAMPLES = 512, 24  # sequences of one update, and samples of each
 _LENGTH = 96  # of a sequence that they are taken from
 _DOUBT = (0.01, 0.55)  # variance of the belief that smears a sample, in units of R
-_OF_MEAN, _OF_INFORMATION = 3.0, 0.3  # weights of the losses relative to the likelihood
+_OF_INFORMATION = 0.3  # weight of that loss relative to the likelihood
 
 
 def learn_noise_models(
@@ -266,9 +261,10 @@ def learn_noise_models(
     """Learn the density of each noise model, how often it is met, and the information of its samples."""
     rng = random_stream(settings.seed, SeedUse.LESSON_LAWS)
     noise = draw_noises(settings.known_noises, settings.noise_model_sequences, _LENGTH, rng)
-    variance, noise_model = torch.as_tensor(noise.variance).float(), torch.as_tensor(noise.noise_model)
-    residual = torch.as_tensor(noise.noise_deg).float() / torch.sqrt(variance)[:, None]
-    mean = torch.as_tensor(noise.mean_deg).float() / torch.sqrt(variance)
+    known = noise.noise_model >= 0  # of the others the bank has no model
+    variance = torch.as_tensor(noise.variance[known]).float()
+    noise_model = torch.as_tensor(noise.noise_model[known])
+    residual = torch.as_tensor(noise.noise_deg[known]).float() / torch.sqrt(variance)[:, None]
     least, most = map(math.log, _DOUBT)
 
     def loss(update: int) -> Tensor:
@@ -280,7 +276,6 @@ def learn_noise_models(
             noise_models,
             noise_model[rows],
             variance[rows],
-            mean[rows],
             residual[rows][:, chosen] + smeared,
             doubt,
         )
@@ -293,7 +288,6 @@ def noise_models_loss(
     noise_models: NoiseModelParameters,  # that learn
     noise_model: Tensor,  # (B,) that each sequence is of
     variance: Tensor,  # (B,) R of each [deg^2]
-    mean: Tensor,  # (B,) of its noise in units of sqrt(R)
     residual: Tensor,  # (B, N) samples in units of sqrt(R), smeared
     doubt: Tensor,  # (B, 1) variance that they are smeared by, in units of R
 ) -> Tensor:
@@ -310,11 +304,7 @@ def noise_models_loss(
     score = (torch.softmax(log_parts, dim=-1) * off / whole).sum(dim=-1).detach()
     scatter = every.effective[rows, noise_model][:, None] + doubt
     information = 0.5 * (score**2 * scatter - torch.log(scatter))
-    off_mean = (every.mean[rows, noise_model] - mean) ** 2
     loss: Tensor = (
-        -likelihood.mean()
-        - every.log_prior[rows, noise_model].mean()
-        + _OF_INFORMATION * information.mean()
-        + _OF_MEAN * off_mean.mean()
+        -likelihood.mean() - every.log_prior[rows, noise_model].mean() + _OF_INFORMATION * information.mean()
     )
     return loss

@@ -17,7 +17,7 @@ from twin.errors import DivergedError
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges, quantile
 from twin.reduced import simulate_batch
-from twin.reduced.members import MemberSet
+from twin.reduced.members import MemberSet, draw_turns
 from twin.signals.excitation import SIGNALS, command
 from twin.signals.streams import SeedUse, random_stream
 
@@ -60,7 +60,9 @@ def choose_members(
             f"{len(able)} of {len(drawn)} twins from the ranges found an equilibrium: members = {count}"
         )
     chosen = likeliest_ensemble(angles, count, random_stream(seed, SeedUse.TWINS_CHOICE))
-    return _in_sheaths([able[place] for place in chosen], preset, ranges, seed, moving)
+    found = _in_sheaths([able[place] for place in chosen], preset, ranges, seed, moving)
+    turns = draw_turns(stroke_mm, count, random_stream(seed, SeedUse.TWINS_HISTORIES))
+    return found._replace(turns_mm=turns)
 
 
 def likeliest_ensemble(angles: Array, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
@@ -127,13 +129,13 @@ def _in_sheaths(
     still = MemberSet.still(presets)
     if not moving:
         return still
-    other, period, phase = (of.copy() for of in still[1:])
+    other, period, phase = (of.copy() for of in still[1:4])
     courses = _spread(moving, 3, random_stream(seed, SeedUse.TWINS_SHEATHS))
     for number, (bent, of_period, of_phase) in enumerate(courses, len(presets) - moving):
         other[number] = ranges.at(preset, np.full(len(ranges.limits), bent)).sheath_bend
         period[number] = quantile(*_PERIODS, of_period)
         phase[number] = of_phase
-    return MemberSet(still.presets, other, period, phase)
+    return still._replace(other=other, period=period, phase=phase)
 
 
 def _spread(count: int, dimensions: int, rng: np.random.Generator) -> Array:

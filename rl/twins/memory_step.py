@@ -19,7 +19,7 @@ from rl.twins.filter_bank import HISTORY
 from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, Output, last_layer, network
 
 HIDDEN = 48
-SEEN = 10  # numbers that the policy sees
+SEEN = 11  # numbers that the policy sees
 OUTPUTS = 5  # on the gain, on R, on the growth of P, b, how sure b is
 REACH = (5.0, 4.0, 4.0)  # of the first three, in logarithms
 FIRST_DEG2 = (400.0, 1.0)  # variances before anything is measured: the first estimate is not trusted
@@ -56,9 +56,9 @@ class MemoryStep(FilterStep):
             last_layer(self.output).weight.mul_(0.1)
             last_layer(self.output).bias.zero_()
 
-    def start(self, variance: Tensor) -> MemoryState:
-        """Return the state before anything is measured, for (B,) variances R of the noise [deg^2]."""
-        batch = len(variance)
+    def start(self, zero_deviation: Tensor) -> MemoryState:
+        """Return the state before anything is measured, see `FilterStep.start`."""
+        batch = len(zero_deviation)
         return MemoryState(
             torch.zeros(batch, 2),
             self.first.expand(batch, 3),
@@ -67,7 +67,7 @@ class MemoryStep(FilterStep):
             torch.zeros(batch),
         )
 
-    def begun(self, state: MemoryState, variance: Tensor) -> MemoryState:
+    def begun(self, state: MemoryState, zero_deviation: Tensor) -> MemoryState:
         """Return a state, or the first one where it is all zero."""
         begins = 1 - torch.sign(state.covariance.abs().sum(dim=1, keepdim=True))
         return state._replace(covariance=state.covariance + begins * self.first)
@@ -79,6 +79,7 @@ class MemoryStep(FilterStep):
         increment_mm: Tensor,  # (B,) of the pull [mm]
         measurement_deg: Tensor,  # (B,) NaN where there is none [deg]
         variance: Tensor,  # (B,) R, as given [deg^2]
+        zero_deviation: Tensor,  # (B,) of what is known of the sensor's zero, as given [deg]
         sample_time: Tensor,  # (B,) T [s]
         parts: Tensor,  # (2,) 1 or 0: whether the policy is on, and whether its output for b is used
         state: MemoryState,  # after the sample before
@@ -99,7 +100,8 @@ class MemoryStep(FilterStep):
         innovation = torch.where(is_seen, measurement_deg, predicted) - predicted
 
         features = self._features(
-            state, innovation.detach(), doubt.detach(), of_f.detach(), increment_mm, drive_deg, variance, T
+            *(state, innovation.detach(), doubt.detach(), of_f.detach(), increment_mm, drive_deg),
+            *(variance, zero_deviation, T),
         )
         hidden = self._remember(features, state.hidden)
         hidden = state.hidden + seen[:, None] * (hidden - state.hidden)
@@ -150,6 +152,7 @@ class MemoryStep(FilterStep):
         increment_mm: Tensor,
         drive_deg: Tensor,
         variance: Tensor,
+        zero_deviation: Tensor,
         sample_time: Tensor,
     ) -> Tensor:
         """Return (B, SEEN) what the policy sees."""
@@ -165,6 +168,7 @@ class MemoryStep(FilterStep):
                 torch.log(doubt / variance + 1e-3) / 3,
                 torch.log(of_f + 1e-3) / 3,
                 torch.log(variance) / 3,
+                torch.log(zero_deviation * zero_deviation / variance + 1e-2) / 3,
                 torch.log(10 * sample_time),
                 torch.log(state.samples.clamp(max=HISTORY) + 1) / 3,
             ],

@@ -125,9 +125,6 @@ BOUND = 1.5  # standard deviations of an innovation that count in full
 BEFORE = 10.0  # counts by which half of the observed share of tails is used
 NORMAL_LOG = -(math.log(2) + 0.5772156649) / 2  # mean of log |x| under a normal distribution of variance 1
 HEAVY = 0.8  # ratio of variances below which tails are heavy: what is above is chance
-DISTANCES = (0.5, 1.0, 1.5, 2.0, 3.0)  # in units of sqrt(R), beyond which sides are compared
-EVEN, ODD = 1.5, 2.5  # standard deviations between the sides: symmetric up to, not symmetric from
-ENOUGH = 150.0  # counts that symmetry needs; with half of them it is not used
 
 
 class Verdict(NamedTuple):
@@ -135,7 +132,6 @@ class Verdict(NamedTuple):
 
     strange: Tensor  # from 0, the noise is like that of the training, to 1
     narrower: Tensor  # what R is multiplied by
-    even: Tensor  # how sure it is that the mean of the noise is zero: one over its variance in units of R
 
     def bound(self, innovation: Tensor, variance: Tensor) -> Tensor:
         """Return (B,) the share of an innovation [deg] that counts, by its variance [deg^2]."""
@@ -144,7 +140,7 @@ class Verdict(NamedTuple):
 
 
 class Fallback(torch.nn.Module):
-    """Tails and symmetry of a noise by its histogram; nothing in it is learned."""
+    """Tails of a noise by its histogram; nothing in it is learned."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -154,9 +150,6 @@ class Fallback(torch.nn.Module):
         self.least = within**2 / 4  # [R]: narrower parts are not resolved
         self.square = torch.nn.Buffer(residual**2)
         self.logarithm = torch.nn.Buffer(torch.log(residual**2 + self.least) / 2)
-        beyond = torch.stack([(residual.abs() > distance).float() for distance in DISTANCES], dim=1)
-        self.beyond = torch.nn.Buffer(beyond)
-        self.side = torch.nn.Buffer(beyond * torch.sign(residual)[:, None])
 
     def narrower(self, counts: Tensor) -> Tensor:
         """Return (B,) what R is multiplied by: less than 1 where tails are heavy, by the width of the middle.
@@ -170,14 +163,7 @@ class Fallback(torch.nn.Module):
         share: Tensor = (1 + total / (total + BEFORE) * (ratio - 1)) / HEAVY
         return share.clamp(min=0, max=1)
 
-    def symmetry(self, counts: Tensor) -> Tensor:
-        """Return (B,) how surely the noise is symmetric, from 0 to 1."""
-        off = (counts @ self.side).abs() / torch.sqrt(counts @ self.beyond + 1)
-        uneven = ((off - EVEN) / (ODD - EVEN)).clamp(min=0, max=1).sum(dim=-1)
-        counted = 2 * counts.sum(dim=-1) / ENOUGH - 1
-        return (1 - uneven).clamp(min=0, max=1) * counted.clamp(min=0, max=1)
-
     def forward(self, strange: Tensor, counts: Tensor) -> Verdict:
         """Return what a filter does under noise of counts (B, BINS) that is so strange (B,), from 0 to 1."""
         narrower = 1 - strange * (1 - self.narrower(counts))
-        return Verdict(strange, narrower, strange * self.symmetry(counts) * counts.sum(dim=-1))
+        return Verdict(strange, narrower)

@@ -9,17 +9,18 @@ import torch
 from numpy.typing import NDArray
 
 from rl.supervised import tensor32
-from rl.twins.noises import draw_noises
+from rl.twins.noises import NoiseBatch, draw_noises
 from twin.errors import DivergedError
 from twin.estimation.learned.step import affine_step
 from twin.hysteresis import ColemanHodgdon
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.reduced import simulate_batch
-from twin.reduced.members import MemberSet
-from twin.signals.excitation import SIGNALS, command
+from twin.reduced.members import MemberSet, draw_turns
+from twin.signals.excitation import SIGNALS, command, paths_to
 from twin.signals.streams import SeedUse, random_stream
 
+Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
 
 SAMPLE_TIME = 0.02  # between two samples of a training record [s]; coarser sampling thins it
@@ -29,6 +30,8 @@ _WIDER = 1.3  # times the ranges: what a fourth of the twins is drawn from
 _SPARE = 1  # twins beyond those that are asked for
 _LONGEST = 3600.0  # time that these have moved for when a record begins [s]
 _MOVING = 0.35  # share of twins whose sheath is bent on during the record
+_UNKNOWN = 0.4  # share of commands before which twins and members have moved, each along a path of its own
+_DISTURBED = 1  # place of twins, modulo 8, that are knocked, or whose drive sticks, by turns of the commands
 
 
 TwinArrays = tuple[Array32, Array32, Array32]
@@ -53,9 +56,11 @@ def simulate_records(
     for number in range(commands):
         rng = random_stream(seed, SeedUse.TWINS_COMMANDS, number)
         pull = command(kinds[number % len(kinds)], _stroke(stroke_mm, rng), seconds, SAMPLE_TIME, rng)
+        unknown = rng.uniform() < _UNKNOWN
         presets, sheath_bends = _members_along(
             members, len(pull), random_stream(seed, SeedUse.TWINS_BEGINS, number)
         )
+        turns, drives = [*members.turns_mm * 1e-3], [pull] * count
         # Drawn from wider ranges, a twin may find no equilibrium: the first that do are taken.
         for place in range(twins + _SPARE):
             rng = random_stream(seed, SeedUse.TWINS_TRUTHS, number, place)
@@ -65,17 +70,47 @@ def simulate_records(
             sheath_bends.append(
                 np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if moves else None
             )
+            turns.append(draw_turns(stroke_mm, 1, rng)[0] * 1e-3)
+            drives.append(sticking(pull, rng) if place % 8 == _DISTURBED and number % 2 else pull)
+        begun = 0
+        if unknown:
+            before = paths_to(np.array(turns), np.array([of[0] for of in drives]), SAMPLE_TIME)
+            begun = before.shape[1]
+            drives = [np.concatenate(both) for both in zip(before, drives, strict=True)]
+            sheath_bends = [of if of is None else np.pad(of, (begun, 0), "edge") for of in sheath_bends]
         # One command at a time: a whole record holds a hundred times what is kept of it.
-        episodes = simulate_batch(presets, [pull] * len(presets), SAMPLE_TIME, sheath_bends=sheath_bends)
-        angles = [episode.truth_deg.astype(np.float32) for episode in episodes if episode is not None]
+        episodes = simulate_batch(presets, drives, SAMPLE_TIME, sheath_bends=sheath_bends)
+        angles = [episode.truth_deg[begun:].astype(np.float32) for episode in episodes if episode is not None]
         if any(episode is None for episode in episodes[:count]) or len(angles) < count + twins:
             raise DivergedError(f"twins along training command {number} found no equilibrium")
+        rng = random_stream(seed, SeedUse.TWINS_KNOCKS, number)
+        if number % 2 == 0:
+            for of in angles[count:][_DISTURBED::8]:
+                of += knock(pull, rng)
         pulls.append(pull)
         bends.append(angles[: count + twins])
         if on_progress:
             on_progress(number + 1, commands)
     bend = np.array(bends)
     return np.array(pulls, np.float32) * 1e3, bend[:, :count], bend[:, count:]
+
+
+def sticking(pull: Array, rng: np.random.Generator) -> Array:
+    """Return what a drive that sticks makes of a command (N,) [m]: it slips once it is off by too much."""
+    most, held, moved = rng.uniform(0.05e-3, 0.3e-3), pull[0], pull.copy()
+    for place, wanted in enumerate(pull):
+        if abs(wanted - held) > most:
+            held = wanted
+        moved[place] = held
+    return moved
+
+
+def knock(pull: Array, rng: np.random.Generator) -> Array32:
+    """Return the angle (N,) [deg] that a knock adds; the wire's way along a command [m] takes it back."""
+    at, size = rng.integers(len(pull) // 6, len(pull)), rng.choice([-1, 1]) * rng.uniform(0.5, 4.0)
+    way = np.concatenate([[0.0], np.abs(np.diff(pull)).cumsum()])
+    added = size * np.exp(-(way - way[at]) / rng.uniform(1e-3, 10e-3))
+    return np.where(np.arange(len(pull)) >= at, added, 0.0).astype(np.float32)
 
 
 def _members_along(
@@ -103,6 +138,12 @@ STRIDES = (5, 2, 1)  # T of 0.1, 0.04 and 0.02 s
 SHARE_OF_FIRST = 0.7
 """Share of the sequences that have the first of several sample times; the others have the rest alike."""
 FROM_THE_START = 0.5  # share of sequences that begin where the record begins
+CALIBRATED = 0.35  # share of sensors whose zero is known
+ZERO_DEVIATIONS_DEG = (0.1, 4.0)  # of the others
+SITUATIONS = ("wrong variance", "changed noise", "disturbed")
+"""What may happen that no filter of the bank assumes: each counts as much as a family of noise."""
+WRONG, CHANGED = 0.10, 0.08  # share of sequences of the first two
+LARGEST_FACTOR = 3.0  # by which a given R is wrong, or the deviation of a noise changes
 
 
 class Sequences(NamedTuple):
@@ -111,9 +152,10 @@ class Sequences(NamedTuple):
     inputs: tuple[torch.Tensor, ...]  # what a step predicts by, (N, B, ...): `by_members` or `by_model`
     measurement_deg: torch.Tensor  # (N, B) [deg]
     truth_deg: torch.Tensor  # (N, B) [deg]
-    variance: torch.Tensor  # (B,) R [deg^2]
-    bias_deg: torch.Tensor  # (B,) mean of the noise [deg]
-    family: torch.Tensor  # (B,) place of its family among those that are met
+    variance: torch.Tensor  # (B,) R, as given [deg^2]
+    zero_deviation_deg: torch.Tensor  # (B,) of what is known of the sensor's zero, as given [deg]
+    bias_deg: torch.Tensor  # (B,) the sensor's zero [deg]
+    family: torch.Tensor  # (B,) place of its family, or of its situation, among those that are met
     linear: torch.Tensor  # (B,) 1 where the linear update is the best there is or near it, else 0
     sample_time: torch.Tensor  # (B,) T [s]
     stride: int  # T in units of that of the records
@@ -157,7 +199,6 @@ class SequenceSource:
     noises: tuple[str, ...]  # families of the noise
     predict: Prediction = by_members  # gives the inputs of the step
     strides: tuple[int, ...] = STRIDES  # sample times over that of the records, the most frequent first
-    zero_deviation_deg: float = 0.0  # of what is left of a sensor's zero after its correction [deg]
 
     def draw(
         self, count: int, samples: int, rng: np.random.Generator, stride: int | None = None
@@ -174,23 +215,45 @@ class SequenceSource:
         start = np.where(rng.uniform(size=count) < FROM_THE_START, 0, rng.integers(last + 1, size=count))
         index = start + np.arange(samples + 1)[:, None] * stride  # (N + 1, B)
         angle = truth_deg[command, twin, index[1:]]
-        noise = draw_noises(self.noises, count, samples, rng)
-        if self.zero_deviation_deg:
-            offset = self.zero_deviation_deg * rng.standard_normal(count)
-            noise = noise._replace(
-                noise_deg=noise.noise_deg + offset[:, None], mean_deg=noise.mean_deg + offset
-            )
+        noise = draw_situations(self.noises, count, samples, rng)
+        least, most = np.log(ZERO_DEVIATIONS_DEG).tolist()
+        deviation = np.exp(rng.uniform(least, most, count))
+        deviation *= rng.uniform(size=count) >= CALIBRATED
+        zero = deviation * rng.standard_normal(count)
+        disturbed = twin % 8 == _DISTURBED
+        family = np.where(disturbed, len(self.noises) + SITUATIONS.index("disturbed"), noise.family)
         return Sequences(
             self.predict(self.records, command, index),
-            tensor32(angle + noise.noise_deg.T),
+            tensor32(angle + noise.noise_deg.T + zero),
             tensor32(angle),
             tensor32(noise.variance),
-            tensor32(noise.mean_deg),
-            torch.as_tensor(noise.family),
-            tensor32(noise.linear),
+            tensor32(deviation),
+            tensor32(zero),
+            torch.as_tensor(family),
+            tensor32(noise.linear & ~disturbed),
             torch.full((count,), stride * SAMPLE_TIME),
             stride,
         )
+
+
+def draw_situations(
+    families: tuple[str, ...], count: int, samples: int, rng: np.random.Generator
+) -> NoiseBatch:
+    """Draw the noise of sequences; in some it changes to another one, of others a wrong R is given."""
+    noise, other = (draw_noises(families, count, samples, rng) for _ in range(2))
+    kind = rng.uniform(size=count)
+    changed, wrong = kind < CHANGED, (kind >= CHANGED) & (kind < CHANGED + WRONG)
+    factor = np.exp(rng.uniform(-1, 1, count) * np.log(LARGEST_FACTOR))
+    when = rng.uniform(0.15, 0.8, count) * samples
+    later = (np.arange(samples) >= when[:, None]) & changed[:, None]
+    scale = np.sqrt(noise.variance / other.variance * factor)
+    return NoiseBatch(
+        np.where(later, scale[:, None] * other.noise_deg, noise.noise_deg),
+        np.where(wrong, noise.variance * factor, noise.variance),
+        np.select([wrong, changed], [len(families), len(families) + 1], noise.family),
+        np.where(changed, -1, noise.noise_model),
+        noise.linear & ~changed & ~wrong,
+    )
 
 
 def principal_directions(members_deg: NDArray[np.float32], rank: int) -> torch.Tensor:

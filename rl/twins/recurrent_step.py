@@ -125,7 +125,7 @@ class Convolution(MemoryCell):
         return output, torch.cat(kept, dim=1)
 
 
-SEEN = 11  # numbers that a network sees
+SEEN = 12  # numbers that a network sees
 VALUES = 7  # numbers of a filter that are no memory of its network
 FIRST_SPREAD = 0.3
 """Standard deviation that an interval starts from where none is computed, in units of sqrt(R)."""
@@ -180,9 +180,9 @@ class RecurrentStep(FilterStep):
             last_layer(self.output).weight.mul_(0.1)
             last_layer(self.output).bias.zero_()
 
-    def start(self, variance: Tensor) -> RecurrentState:
-        """Return the state before anything is measured, for (B,) variances R of the noise [deg^2]."""
-        batch = len(variance)
+    def start(self, zero_deviation: Tensor) -> RecurrentState:
+        """Return the state before anything is measured, see `FilterStep.start`."""
+        batch = len(zero_deviation)
         zeros = torch.zeros(batch, VALUES), torch.zeros(batch, self.cell.size), torch.zeros(batch)
         return RecurrentState(*zeros)
 
@@ -193,6 +193,7 @@ class RecurrentStep(FilterStep):
         increment_mm: Tensor,
         measurement_deg: Tensor,
         variance: Tensor,
+        zero_deviation: Tensor,
         sample_time: Tensor,
         parts: Tensor,
         state: RecurrentState,
@@ -228,6 +229,7 @@ class RecurrentStep(FilterStep):
                 log_scale(10 * increment_mm),
                 log_scale(drive_deg),
                 torch.log(variance) / 3,
+                torch.log(zero_deviation * zero_deviation / variance + 1e-2) / 3,
                 torch.log(10 * T),
                 torch.log(state.samples.clamp(max=HISTORY) + 1) / 3,
             ],

@@ -25,7 +25,7 @@ from rl.twins.records import (
     by_model,
     simulate_records,
 )
-from rl.twins.settings import SimulatedTraining
+from rl.twins.settings import NetworkTraining, SimulatedTraining
 from twin import __version__
 from twin.dataset.recipe import check_reached
 from twin.estimation.deployment import KEY as DEPLOYMENT
@@ -43,12 +43,10 @@ from twin.preset.sensor import SensorModel
 from twin.reduced.members import NO_MEMBERS, MemberSet, check_members, members_to_dict
 
 VALIDATIONS = 12  # over each lesson of the gain
-_COSTS = {"members": 3, "simulation": 25, "noise_models": 5, "analytic": 55, "ppo": 15, "interval": 5}
+_COSTS = {"members": 10, "simulation": 45, "noise_models": 20, "gain": 80, "interval": 25}
 """Time of the parts of a training, relative to each other."""
 Settings = TypeVar("Settings", bound=SimulatedTraining)
 OnShare = Callable[[int, int], None]  # called with how much of a part is done, and of how much
-OnWeights = Callable[[int], None]
-"""Called with the number of samples that the current weights have learned from."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,15 +60,16 @@ class Learner:
     export: Callable[[Any, dict[str, Any], Path], None]
     # returns the twins that are simulated along every command next to those that are estimated
     choose: Callable[[OnShare], MemberSet] | None = None
-    prepare: Callable[[Any, OnShare], None] | None = None  # a lesson before that of the gain
-    explore: Callable[[Any, SequenceSource, OnShare, OnWeights], None] | None = None  # the lesson of PPO
-    # a later lesson, that of the detector of strange noise
+    # its lessons: that of the noise models and that of the detector of strange noise, or that of the gain
+    prepare: Callable[[Any, OnShare], None] | None = None
     guard: Callable[[Any, SequenceSource], None] | None = None
 
-    def parts(self, gain: Sequence[str]) -> list[str]:
-        """Return the parts of the training that take time, by name."""
-        before = [("members", self.choose), ("simulation", True), ("noise_models", self.prepare)]
-        return [*(name for name, there in before if there), *gain, "interval"]
+    @property
+    def parts(self) -> list[str]:
+        """Parts of the training that take time, by name."""
+        if self.prepare:
+            return ["members", "simulation", "noise_models", "interval"]
+        return ["simulation", "gain", "interval"]
 
 
 def train_on_twins(
@@ -101,7 +100,7 @@ def train_on_twins(
             # Unlikely noise models have weights so small that processors take a hundred cycles for each.
             torch.set_flush_denormal(True)
             try:
-                shown = _Shown(on_progress, learner.parts(settings.gain))
+                shown = _Shown(on_progress, learner.parts)
                 with counted_cost(folder):
                     _train(learner, preset, ranges, settings, configuration, path, shown)
             finally:
@@ -137,48 +136,20 @@ def _train(
         for part in (slice(-held_out), slice(-held_out, None))
     )
     step, predict = learner.begin(learned)
-    sensor = SensorModel.of(preset)
     source, unseen = (
-        SequenceSource(part, settings.noises, predict, settings.strides, sensor.zero_deviation_deg)
-        for part in (learned, others)
+        SequenceSource(part, settings.noises, predict, settings.strides) for part in (learned, others)
     )
-    each = settings.sequences * settings.window
-    every = max(settings.updates // (VALIDATIONS * settings.windows), 1) * settings.windows
     extra = {"members": members_to_dict(members)} if members.presets else {}
     key = state_key(__version__, torch.__version__, configuration, extra)
     columns = ["samples", "mean_reward", "loss", *action_columns(step.actions)]
-    keeper = Keeper(path.parent / CHECKPOINT_FILE, key, every, step)
-    losses: list[float] = []  # since the last validation
-
-    def validate(samples: int) -> None:
-        found, actions = validation(step, unseen, settings)
-        error = -math.exp(found)
-        if error > max((row[1] for row in keeper.curve), default=-math.inf):
-            keeper.best = {name: of.detach().clone() for name, of in step.named_parameters()}
-        loss = sum(losses) / len(losses) if losses else math.nan
-        keeper.curve.append((samples, error, loss, *actions))
-        write_curve(path.parent, keeper.curve, columns)
-        losses.clear()
-        shown.error = error
-
-    def on_update(update: int, loss: float) -> None:
-        losses.append(loss)
-        if update % every == 0 or update == settings.updates:
-            validate(update * each)
-        shown.of("analytic")(update, settings.updates)
-
-    if learner.prepare and keeper.saved is None:
+    if isinstance(settings, NetworkTraining):
+        _by_gradient(step, source, unseen, settings, path.parent, key, columns, shown)
+    else:
+        assert learner.prepare is not None
         learner.prepare(step, shown.of("noise_models"))
-    before = 0
-    if "analytic" in settings.gain:
-        learn_gain(step, source.draw, settings, on_update, keeper)
-        step.load_state_dict(keeper.best, strict=False)
-        before = settings.updates * each
-    if "ppo" in settings.gain and learner.explore:
-        if not before:
-            validate(0)
-        learner.explore(step, source, shown.of("ppo"), lambda samples: validate(before + samples))
-        step.load_state_dict(keeper.best, strict=False)
+        found, _ = validation(step, unseen, settings)
+        shown.error = -math.exp(found)
+        write_curve(path.parent, [(0, shown.error, math.nan)], columns)
     if learner.guard:
         learner.guard(step, source)
     show = shown.of("interval")
@@ -190,11 +161,48 @@ def _train(
         "agent": learner.training.agent,
         **configuration,
         DEPLOYMENT: deployment.to_dict(),
-        SENSOR: sensor.to_dict(),
+        SENSOR: SensorModel.of(preset).to_dict(),
         **extra,
     }
     learner.export(step, description, path)  # the last: where the file is, the run is finished
-    keeper.path.unlink(missing_ok=True)
+    (path.parent / CHECKPOINT_FILE).unlink(missing_ok=True)
+
+
+def _by_gradient(
+    step: FilterStep,
+    source: SequenceSource,
+    unseen: SequenceSource,
+    settings: NetworkTraining,
+    folder: Path,
+    key: str,
+    columns: Sequence[str],
+    shown: "_Shown",
+) -> None:
+    """Train a step by back-propagation through the filter, and keep the best weights on unseen twins."""
+    each = settings.sequences * settings.window
+    every = max(settings.updates // (VALIDATIONS * settings.windows), 1) * settings.windows
+    keeper = Keeper(folder / CHECKPOINT_FILE, key, every, step)
+    losses: list[float] = []  # since the last validation
+
+    def validate(samples: int) -> None:
+        found, actions = validation(step, unseen, settings)
+        error = -math.exp(found)
+        if error > max((row[1] for row in keeper.curve), default=-math.inf):
+            keeper.best = {name: of.detach().clone() for name, of in step.named_parameters()}
+        loss = sum(losses) / len(losses) if losses else math.nan
+        keeper.curve.append((samples, error, loss, *actions))
+        write_curve(folder, keeper.curve, columns)
+        losses.clear()
+        shown.error = error
+
+    def on_update(update: int, loss: float) -> None:
+        losses.append(loss)
+        if update % every == 0 or update == settings.updates:
+            validate(update * each)
+        shown.of("gain")(update, settings.updates)
+
+    learn_gain(step, source.draw, settings, on_update, keeper)
+    step.load_state_dict(keeper.best, strict=False)
 
 
 def scaled_to_options(

@@ -11,9 +11,7 @@ from twin.files.bounds import check_between
 from twin.files.trained_schema import MOST_MEMBERS
 
 SAMPLE_TIMES = tuple(stride * SAMPLE_TIME for stride in STRIDES)  # T that can be met [s]
-PPO_HORIZON = 25_600  # samples between two updates of PPO
-MOST_WIDTH = 512  # of the memory of a network, or of a layer
-MOST_LAYERS = 8  # of a policy
+MOST_WIDTH = 512  # of the memory of a network
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,39 +19,21 @@ class SimulatedTraining:
     """Settings of a training on simulated twins."""
 
     # settings that are scaled where a training is to be longer or shorter, and the least of each
-    lengths: ClassVar[dict[str, int]] = {
-        "commands": 6,
-        "updates": 1,
-        "interval_sequences": 64,
-        "interval_updates": 1,
-    }
-
-    # how the policy may learn: by back-propagation through the filter, by PPO, or by PPO from what that found
-    gains: ClassVar[tuple[tuple[str, ...], ...]] = (("analytic",),)
+    lengths: ClassVar[dict[str, int]] = {"commands": 6, "interval_sequences": 64, "interval_updates": 1}
 
     commands: int = 90  # C, along which twins are simulated
     twins: int = 8  # K along each command, whose angle is estimated
     seconds: float = 40.0  # length of a record
     stroke_mm: tuple[float, float] = STROKE_MM  # that commands lie within, of any width and place
-    sequences: int = 128  # with their own noise, that run side by side
     episode: int = 300  # samples until all begin again, on other records
-    window: int = 50  # samples that an error is traced back over
-    updates: int = 1800  # gradient steps through the filter, one per window
     interval_sequences: int = 1536  # that the width of the interval is learned from
     interval_updates: int = 1500  # gradient steps of that
-    learning_rate: float = 1e-2  # of Adam through the filter at the start; it falls to zero along a cosine
-    linear_penalty: float = 0.3  # weight of what the policy does where doing nothing is best
-    bias_weight: float = 0.05  # weight of the loss of the mean of the noise next to the error of the estimate
     noises: tuple[str, ...] = STANDARD  # families of `rl.twins.noises` that are met
-    gain: tuple[str, ...] = ("analytic",)  # how the policy learns, one of `gains`
     sample_times: tuple[float, ...] = SAMPLE_TIMES  # T that are met, the most frequent first [s]
     seed: int = 0  # of everything that is drawn
 
     def __post_init__(self) -> None:
         check_families(self.noises)
-        if self.gain not in self.gains:
-            valid = "; ".join(" ".join(words) for words in self.gains)
-            raise InputError(f"gain {' '.join(self.gain) or 'of no kind'}: valid are {valid}")
         times = self.sample_times
         if not times or len(set(times)) < len(times) or not set(times) <= set(SAMPLE_TIMES):
             asked, valid = (", ".join(f"{time:g}" for time in of) for of in (times, SAMPLE_TIMES))
@@ -61,21 +41,15 @@ class SimulatedTraining:
         low, high = self.stroke_mm
         if not low < high:
             raise InputError(f"stroke [{low:g}, {high:g}] mm: must rise")
-        if not self.window <= self.episode <= int(self.seconds / (SAMPLE_TIME * STRIDES[0])) - 1:
+        if not 1 <= self.episode <= int(self.seconds / (SAMPLE_TIME * STRIDES[0])) - 1:
             raise InputError(
-                f"episode = {self.episode}: must be at least window = {self.window}, and shorter than "
-                f"a record of {self.seconds:g} s"
+                f"episode = {self.episode}: must be positive, and shorter than a record of {self.seconds:g} s"
             )
 
     @property
     def strides(self) -> tuple[int, ...]:
         """Sample times that are met, in units of that of the records."""
         return tuple(STRIDES[SAMPLE_TIMES.index(time)] for time in self.sample_times)
-
-    @property
-    def windows(self) -> int:
-        """Windows after which sequences begin again."""
-        return self.episode // self.window
 
     def scaled(self, options: TrainingOptions) -> Self:
         """Return the settings of a training as long as options ask for, relative to the paper's episodes."""
@@ -89,11 +63,25 @@ class SimulatedTraining:
 class NetworkTraining(SimulatedTraining):
     """Settings of the training of RAM (memory), or of a rival of RAM (twins)."""
 
+    lengths: ClassVar[dict[str, int]] = SimulatedTraining.lengths | {"updates": 1}
+
     width: int = 48  # outputs of its memory, or channels of it
+    sequences: int = 128  # with their own noise, that run side by side
+    window: int = 50  # samples that an error is traced back over
+    updates: int = 1800  # gradient steps through the filter, one per window
+    learning_rate: float = 1e-2  # of Adam through the filter at the start; it falls to zero along a cosine
+    linear_penalty: float = 0.3  # weight of what the policy does where doing nothing is best
+    bias_weight: float = 0.05  # weight of the loss of the mean of the noise next to the error of the estimate
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_between("width", self.width, 1, MOST_WIDTH)
+        check_between("window", self.window, 1, self.episode)
+
+    @property
+    def windows(self) -> int:
+        """Windows after which sequences begin again."""
+        return self.episode // self.window
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,32 +91,22 @@ class TwinsTraining(SimulatedTraining):
     lengths: ClassVar[dict[str, int]] = SimulatedTraining.lengths | {
         "noise_model_sequences": 64,
         "noise_model_updates": 1,
-        "ppo_samples": PPO_HORIZON,
     }
-    gains = (("analytic",), ("ppo",), ("analytic", "ppo"))
 
-    sequences: int = 256  # with their own noise, that run side by side
-    window: int = 25  # an error is traced back over it: shorter windows of more sequences are faster
-    updates: int = 900  # gradient steps, one per window; the last third gained next to nothing
     members: int = 40  # M, twins that the prediction is made of
     moving: int = 16  # how many of them are in a sheath that moves
     rank: int = 28  # r, directions among them that are estimated
-    policy_layers: int = 2  # of the policy; 0 for one that is linear in what it sees
-    policy_width: int = 96  # units of each; what a search took, as the learning rate: docs/ram_twins.md
     with_error: bool = True  # whether what no member does is estimated
     with_classifier: bool = True  # whether there are noise models to choose among; without them it is normal
     noise_model_sequences: int = 8192  # of noise that the noise models are learned from first
     noise_model_updates: int = 1500  # gradient steps of that
     noise_model_rate: float = 3e-2  # step of Adam of that at the start; it falls to zero along a cosine
-    ppo_samples: int = 48 * PPO_HORIZON  # of PPO, rounded up to whole horizons
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_between("members", self.members, 2, MOST_MEMBERS)
         check_between("moving", self.moving, 0, self.members)
         check_between("rank", self.rank, 1, self.members)
-        check_between("policy_width", self.policy_width, 1, MOST_WIDTH)
-        check_between("policy_layers", self.policy_layers, 0, MOST_LAYERS)
 
     @property
     def known_noises(self) -> tuple[str, ...]:

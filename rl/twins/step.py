@@ -1,78 +1,51 @@
-"""One sample of RAM (twins) as a module of torch: trained, exported and deployed as it stands here.
+"""One sample of RAM (twins) as a module of torch: it is exported and deployed as it stands here.
 
 The active model (eqs. 4-9) predicts by M twins that follow the command:
 
-    theta = mean of the members + c . a + d,      y = theta + noise,
+    theta = mean of the members + c . a + d,      y = theta + b + noise,
 
 where a are the anomalies of the members along r fixed directions, c their coefficients (Evensen 2003) and d
-what no member does, which decays with the way of the tendon (`rl/twins/filter_step.py`). It knows R. What
-else the noise is, its mean above all, is classified: a bank of such filters, one for each noise model
-that the noise may have, is weighed by what is measured (`rl/twins/filter_bank.py`).
+what no member does, which decays with the way of the tendon (`rl/twins/filter_step.py`). It knows R, and how
+well the sensor's zero b is known. The shape of the noise is classified: a bank of such filters, one for each
+shape, is weighed by what is measured (`rl/twins/filter_bank.py`). The innovation moves a filter by the share
+of each part of its shape, so that the gain depends on the innovation, as K_AM + K_RAM of eq. 10 does.
 
-RAM (eq. 10) then adds K_RAM phi, phi = y - y_AM, along the filter's own direction P a. Of the gains it is the
-*sum* that is bounded,
+A policy that acted on gain, R and growth was tried in three forms, learned by back-propagation and by PPO. It
+gained nothing beyond the bank, and is left out (docs/ram_twins.md).
 
-    K_AM + (1 - K_AM) K_RAM = sigmoid(logit K_AM + 5 tanh u)    in [0, 1],
-
-for each part of each noise model, so that K_RAM may be negative: it takes back what the active model took
-of an outlier. Three more actions set the R by which P shrinks, the growth of d and that of c. A policy that
-does nothing (u = 0) changes nothing.
-
-The filter alone runs alongside, which knows R and nothing more (`PlainFilter`). Where the
-noise is like none of the training (`OodDetector`), classifier and policy are disabled, and
-the filter alone is left, as a robust one (`Fallback`).
+The filter alone runs alongside, which knows R and b's deviation and nothing more (`PlainFilter`). Where the
+noise is like none of the training (`OodDetector`), the classifier is disabled, and the filter alone is left,
+as a robust one (`Fallback`).
 """
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import torch
 
 from rl.policies import log_scale
-from rl.twins.filter_bank import HISTORY, FilterBank, FilterBankPrediction, FilterBankState, NoiseBelief
-from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, MemberMotion, Output, along, last_layer, network
+from rl.twins.filter_bank import HISTORY, FilterBank, FilterBankState
+from rl.twins.filter_step import LEAST_VARIANCE, FilterStep, MemberMotion, Output, along
+from rl.twins.noises import ModelOf
 from rl.twins.ood_detector import BINS, Fallback, OodDetector, ResidualHistogram, Verdict
 
 Tensor = torch.Tensor
 
-STATISTICS = 4
+STATISTICS = 7
 
 
 class FilterState(NamedTuple):
     """State of B filters."""
 
-    mean: Tensor  # (B, r + 2) of c, d [deg] and b [deg], of the filter alone
-    covariance: Tensor  # (B, r + 2, r + 2) of it
+    mean: Tensor  # (B, n) of c, d and b [deg], of the filter alone
+    covariance: Tensor  # (B, n, n) of it
     counts: Tensor  # (B, BINS) histogram of its residuals
     samples: Tensor  # (B,) measured so far
     statistics: Tensor  # (B, STATISTICS) running means of the innovation, see `recent`
-    rows: Tensor  # (B, J, r + 1) of c and d, by noise model of the noise
-    rows_covariance: Tensor  # (B, r + 1, r + 1) of each of them
-    evidence: Tensor  # (B, J) logarithm of how likely each noise model made what was measured
-
-
-class Predicted(NamedTuple):
-    """Prediction for a sample, and its innovation."""
-
-    state: FilterState  # after the sample before
-    filter_bank: FilterBankPrediction  # as predicted, with its belief about the noise
-    middle: Tensor  # (B,) mean angle of the members [deg]
-    keep: Tensor  # (B, r + 1) what is left of c and d since the sample before
-    growth: tuple[Tensor, Tensor]  # of variances: (B, r + 1) of d, times an action of the policy, and of c
-    measured: Tensor  # (B,) measurement about the middle [deg]; where there is none, what was expected
-    innovation: Tensor  # (B,) in units of sqrt(R)
-    doubt: Tensor  # (B,) variance of the angle in units of R
-    seen: Tensor  # (B,) 1 where something was measured
-    variance: Tensor  # (B,) R [deg^2]
-    sample_time: Tensor  # (B,) T [s]
-    features: Tensor  # (B, J + SCALARS) what the policy sees
-    policy_on: Tensor  # weight of the policy
-    classifier_on: Tensor  # weight of the noise classifier
-    verdict: Verdict | None  # of the fallback; None while the step learns, when nothing is strange
-
-
-FIRST_BIAS = 0.85  # variance of b in units of R before anything is measured
-BIAS_PER_S = 3e-4  # growth of the variance of b in units of R: a sensor may change in an hour
+    rows: Tensor  # (B, J, n) of c, d and b, by noise model
+    rows_covariance: Tensor  # (B, n, n) of each of them
+    evidence: Tensor  # (B, J) logarithm of how likely each noise model is, less that at the start
 
 
 class PlainFilter(torch.nn.Module):
@@ -81,28 +54,17 @@ class PlainFilter(torch.nn.Module):
     def __init__(self, motion: MemberMotion):
         super().__init__()
         self.motion = motion
-        units = torch.eye(len(motion.of_error) + 1)
-        self.unit = torch.nn.Buffer(units)
-        self.of_bias = torch.nn.Buffer(units[-1])
-        self.widened = torch.nn.Buffer(units[:-1])  # from c and d to the whole state
-
-    def first_covariance(self, variance: Tensor) -> Tensor:
-        """Return P (B, n + 1, n + 1) before anything is measured."""
-        first: Tensor = self.motion.first_covariance(variance).sum(dim=-1) @ self.widened
-        of_variance = (FIRST_BIAS * variance)[:, None]
-        return (first + of_variance * self.of_bias)[:, :, None] * self.unit
 
     def forward(
         self,
-        mean: Tensor,  # (B, n + 1) after the sample before
-        covariance: Tensor,  # (B, n + 1, n + 1)
-        angle: Tensor,  # (B, n) of theta on c and d
+        mean: Tensor,  # (B, n) after the sample before
+        covariance: Tensor,  # (B, n, n)
+        angle: Tensor,  # (B, n) of theta on c, d and b
         keep: Tensor,  # (B, n) what is left of them
         grows: Tensor,  # (B, n) what their variances grow by
         measured: Tensor,  # (B,) measurement about the mean of the members [deg]
         seen: Tensor,  # (B,) 1 where there is one
         variance: Tensor,  # (B,) R [deg^2]
-        sample_time: Tensor,  # (B,) T [s]
         verdict: Verdict | None = None,  # of the fallback, if it is asked
     ) -> tuple[Tensor, ...]:
         """Return mean and covariance one sample later, and (B,) values of the estimate.
@@ -110,87 +72,85 @@ class PlainFilter(torch.nn.Module):
         These are the angle about the mean of the members [deg], its variance [deg^2], what is left of the
         measurement in units of sqrt(R), and the variance of its prediction in units of R.
         """
-        angle, keep = angle @ self.widened, keep @ self.widened + self.of_bias
-        grows = grows @ self.widened + BIAS_PER_S * (sample_time * variance)[:, None] * self.of_bias
-        seen_as = angle + self.of_bias  # h: of the measurement
+        seen_as = angle + self.motion.of_zero  # h: of the measurement
         mean = mean * keep
-        covariance = covariance * (keep[:, :, None] * keep[:, None, :]) + grows[:, :, None] * self.unit
+        covariance = covariance * (keep[:, :, None] * keep[:, None, :]) + grows[:, :, None] * self.motion.unit
         towards = torch.bmm(covariance, seen_as[:, :, None])[:, :, 0]  # P h
         doubt = (seen_as * towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
         innovation = seen * (measured - (seen_as * mean).sum(dim=1))
-        noise, certain = variance, 0 * variance
+        noise = variance
         if verdict is not None:
-            noise, certain = variance * verdict.narrower, verdict.even
+            noise = variance * verdict.narrower
             seen = seen * verdict.bound(innovation, doubt + noise)
         shrink = (seen / (doubt + noise))[:, None]
         mean = mean + towards * (shrink * innovation[:, None])
         covariance = torch.baddbmm(covariance, towards[:, :, None], (towards * shrink)[:, None, :], alpha=-1)
-
-        # That b is zero, if it is, is one more measurement, at the output alone.
-        with_b = along(covariance, self.of_bias)
-        of_bend = torch.bmm(covariance, angle[:, :, None])[:, :, 0]
-        with_bend, own = along(of_bend, self.of_bias), along(with_b, self.of_bias)
-        share = with_bend * certain / (own * certain + variance)
-        bend = (angle * mean).sum(dim=1) - share * along(mean, self.of_bias)
-        left = (angle * of_bend).sum(dim=1) - share * with_bend
+        left = (angle * torch.bmm(covariance, angle[:, :, None])[:, :, 0]).sum(dim=1)
         residual = (measured - (seen_as * mean).sum(dim=1)) / torch.sqrt(variance)
-        return mean, covariance, bend, left, residual, doubt / variance
+        return mean, covariance, (angle * mean).sum(dim=1), left, residual, doubt / variance
 
 
-SCALARS = 16  # that the policy sees next to the probabilities of the noise models
-RECENT = 30.0  # samples of the running statistics
+SCALARS = 20  # that the interval is made of, next to the probabilities of the noise models
+RECENT, SLOW = 30.0, 200.0  # samples of the running statistics
 
 
 class Features(torch.nn.Module):
-    """Observation of the policy, in the units stated here."""
+    """What the width of the interval is made of, in the units stated here."""
 
     def __init__(self, motion: MemberMotion) -> None:
         super().__init__()
         self.motion = motion
         self.angle_units = torch.nn.Buffer(torch.tensor([1.0, 1.0, 1.0, 5.0]))
-        self.log_units = torch.nn.Buffer(torch.tensor([1 / 3, 1 / 3, 1.0, 0.2, 1 / 3, 0.5]))
+        self.log_units = torch.nn.Buffer(torch.tensor([1, 1, 3, 3, 0.6, 1, 1.5, 1, 1]) / 3)
 
     def forward(
         self,
         state: FilterState,  # after the sample before
-        belief: NoiseBelief,  # in the noise models
-        mean: Tensor,  # (B, n) of c and d, as predicted
-        doubt: Tensor,  # (B,) variance of the prediction [deg^2]
-        of_error: Tensor,  # (B,) that of d [deg^2]
+        weights: Tensor,  # (B, J) probabilities of the noise models
+        mean: Tensor,  # (B, n) of c, d and b, as predicted
+        covariance: Tensor,  # (B, n, n) of them
+        doubt: Tensor,  # (B,) variance of the expected measurement [deg^2]
         innovation: Tensor,  # (B,) [deg]
         way_mm: Tensor,  # (B,) since the last sample [mm]
         variance: Tensor,  # (B,) R [deg^2]
+        zero_deviation: Tensor,  # (B,) of what is known of the sensor's zero [deg]
         sample_time: Tensor,  # (B,) T [s]
     ) -> Tensor:
-        """Return (B, J + SCALARS) what the policy sees; with gradients by the belief in the noise models."""
+        """Return (B, J + SCALARS) numbers."""
         root = torch.sqrt(variance)
-        average, product, square, _ = state.statistics.split(1, dim=1)
+        statistics = state.statistics.split(1, dim=1)
+        average, product, square, slow_product, slow_square, slow_average, _ = statistics
         coefficients = mean * self.motion.of_members
+        of_error, of_zero = self.motion.of_error, self.motion.of_zero
         angles = [
             innovation / root,
             innovation / torch.sqrt(doubt + variance),
-            along(mean, self.motion.of_error) / root,
+            along(mean, of_error) / root,
             way_mm,
         ]
         positive = [
             doubt / variance,
-            of_error + 1e-3,
-            square[:, 0] + 1,
+            along(along(covariance, of_error), of_error) + 1e-3,
+            square[:, 0] + 0.1,
+            slow_square[:, 0] + 0.1,
             state.samples.clamp(max=HISTORY) + 1,
             variance,
             10 * sample_time,
+            along(along(covariance, of_zero), of_zero) / variance + 1e-2,
+            zero_deviation * zero_deviation / variance + 1e-2,
         ]
         return torch.cat(
             [
-                belief.weights,
-                belief.bias[:, None],
-                torch.log(belief.bias_variance)[:, None] / 3,
+                weights,
+                (along(mean, of_zero) / root / 3)[:, None],
                 log_scale(torch.stack(angles, dim=1) * self.angle_units),
                 torch.log(torch.stack(positive, dim=1)) * self.log_units,
                 torch.tanh(innovation / root / 2)[:, None],
                 (coefficients * coefficients).sum(dim=1, keepdim=True) / self.motion.of_members.sum(),
                 average,
                 product,
+                slow_product,
+                slow_average,
             ],
             dim=1,
         )
@@ -199,175 +159,133 @@ class Features(torch.nn.Module):
 def recent(state: FilterState, seen: Tensor, innovation: Tensor, doubt: Tensor) -> Tensor:
     """Return the running statistics with one more innovation, in units of sqrt(R).
 
-    Running means of the innovation, of its product with the one before and of its normalised square, and the
-    last one.
+    Running means of the innovation, of its product with the one before and of its normalised square, over a
+    few samples and over many, and the last one.
     """
-    average, product, square, last = (of[:, 0] for of in state.statistics.split(1, dim=1))
+    average, product, square, slow_product, slow_square, slow_average, last = (
+        of[:, 0] for of in state.statistics.split(1, dim=1)
+    )
     now = log_scale(innovation)
-    weight = seen / (state.samples + 1).clamp(max=RECENT)
+    with_last, normal = now * log_scale(last), innovation * innovation / (doubt + 1)
+    fast, slow = (seen / (state.samples + 1).clamp(max=most) for most in (RECENT, SLOW))
     return torch.stack(
         [
-            average + (now - average) * weight,
-            product + (now * log_scale(last) - product) * weight,
-            square + (innovation * innovation / (doubt + 1) - square) * weight,
+            average + (now - average) * fast,
+            product + (with_last - product) * fast,
+            square + (normal - square) * fast,
+            slow_product + (with_last - slow_product) * slow,
+            slow_square + (normal - slow_square) * slow,
+            slow_average + (now - slow_average) * slow,
             last + (innovation - last) * seen,
         ],
         dim=1,
     )
 
 
-ACTIONS = 4  # on the total gain, on R for the covariance, on the growth of d, on that of c
-REACH = (5.0, 4.0, 3.0, 3.0)  # of the actions, in logarithms
-
-
 class TwinsStep(FilterStep):
-    """Active model on twins, noise classifier, policy and interval; see the module."""
+    """Active model on twins, noise classifier and interval; see the module."""
 
-    actions = ACTIONS
-    slow = tuple(f"filter_bank.noise_models.{name}" for name in ("places", "weights", "widths", "effective"))
+    actions = 0
 
     def __init__(
         self,
         directions: Tensor,  # (M, r) orthonormal directions among the members
-        noise_models: int,  # J, of the noise
-        hidden: int = 96,  # units of each layer of the policy
+        noise_models: Sequence[ModelOf],  # J, that there are to choose among
         *,
-        policy_layers: int = 2,  # of the policy; 0 for one that is linear in what it sees
         with_error: bool = True,  # whether there is a d, what no member does
     ):
-        """Start untrained, with a policy that does nothing."""
-        super().__init__(noise_models + SCALARS)
+        """Start untrained."""
+        super().__init__(len(noise_models) + SCALARS)
         members, rank = directions.shape
-        scaled = torch.cat([directions / math.sqrt(members - 1), torch.zeros(members, 1)], dim=1)
+        scaled = torch.cat([directions / math.sqrt(members - 1), torch.zeros(members, 2)], dim=1)
         self.directions = torch.nn.Buffer(scaled)
-        self.reach = torch.nn.Buffer(torch.tensor(REACH))
         self.motion = MemberMotion(rank, with_error=with_error)
         self.filter_bank = FilterBank(self.motion, noise_models)
         self.plain = PlainFilter(self.motion)
         self.features = Features(self.motion)
         self.histogram = ResidualHistogram()
-        self.ood_detector, self.fallback = OodDetector(noise_models), Fallback()
-        self.guarded, self.goes_along = False, True  # strange noise disables; the filter alone runs too
-        self.policy = network(noise_models + SCALARS, hidden, ACTIONS, policy_layers)
-        with torch.no_grad():
-            last_layer(self.policy).weight.mul_(0.1)
-            last_layer(self.policy).bias.zero_()
+        self.ood_detector, self.fallback = OodDetector(len(noise_models)), Fallback()
+        self.guarded = False  # whether strange noise disables the classifier; after its lesson
 
-    def start(self, variance: Tensor) -> FilterState:
-        """Return the state before anything is measured, for (B,) variances R of the noise [deg^2]."""
-        batch = len(variance)
-        covariance = self.plain.first_covariance(variance)
+    def start(self, zero_deviation: Tensor) -> FilterState:
+        """Return the state before anything is measured, see `FilterStep.start`."""
+        batch = len(zero_deviation)
+        covariance = self.motion.first_covariance(zero_deviation)
         return FilterState(
             torch.zeros(covariance.shape[:2]),
             covariance,
             torch.zeros(batch, BINS),
             torch.zeros(batch),
             torch.zeros(batch, STATISTICS),
-            *self.filter_bank.start(variance),
+            *self.filter_bank.start(covariance),
         )
 
-    def begun(self, state: FilterState, variance: Tensor) -> FilterState:
-        """Return a state, or the first one where it is all zero; for (B,) variances R [deg^2]."""
+    def begun(self, state: FilterState, zero_deviation: Tensor) -> FilterState:
+        """Return a state, or the first one where it is all zero; see `start`."""
         of_error = self.motion.of_error
         begins = 1 - torch.sign(along(along(state.rows_covariance, of_error), of_error))[:, None, None]
+        first = begins * self.motion.first_covariance(zero_deviation)
         return state._replace(
-            covariance=state.covariance + begins * self.plain.first_covariance(variance),
-            rows_covariance=state.rows_covariance + begins * self.motion.first_covariance(variance),
+            covariance=state.covariance + first, rows_covariance=state.rows_covariance + first
         )
 
-    def forward(self, *given: Any) -> tuple[Output, FilterState]:
-        """Return the estimates and the states one sample later; arguments as in `predict`."""
-        prior = self.predict(*given)
-        return self.update(prior, self.policy(prior.features))
-
-    def predict(
+    def forward(
         self,
         members_deg: Tensor,  # (B, M) angle of the members now [deg]
         way_mm: Tensor,  # (B,) that the tendon has gone since the last sample [mm]
         measurement_deg: Tensor,  # (B,) NaN where there is none [deg]
         variance: Tensor,  # (B,) R, as given [deg^2]
+        zero_deviation: Tensor,  # (B,) of what is known of the sensor's zero, as given [deg]
         sample_time: Tensor,  # (B,) T [s]
-        parts: Tensor,  # (2,) 1 or 0: whether the policy and the noise classifier are on
+        parts: Tensor,  # (2,) the second is 1 or 0: whether the noise classifier is on
         state: FilterState,  # after the sample before
-    ) -> Predicted:
-        """Return what is known before the policy acts."""
-        policy_on, classifier_on = parts.split(1)
+    ) -> tuple[Output, FilterState]:
+        """Return the estimates and the states one sample later."""
+        _, classifier_on = parts.split(1)
         middle = members_deg.mean(dim=1)
         angle = (members_deg - middle[:, None]) @ self.directions + self.motion.of_error
-        keep = self.motion.keep(way_mm)
-        filter_bank = self.filter_bank.predict(_of_bank(state), angle, keep, variance)
-        belief = filter_bank.belief
+        keep, grows = self.motion.keep(way_mm), self.motion.growth(way_mm, zero_deviation, sample_time)
+        bank = FilterBankState(state.rows, state.rows_covariance, state.evidence)
+        prior = self.filter_bank.predict(bank, angle, keep, variance)
 
-        offset = (belief.weights * filter_bank.offset).sum(dim=1)
-        expected = offset + belief.bias * torch.sqrt(variance)
+        expected = (prior.weights * prior.expected).sum(dim=1)
         is_seen = ~torch.isnan(measurement_deg)
+        seen = is_seen.to(measurement_deg.dtype)
         measured = torch.where(is_seen, measurement_deg - middle, expected)
-        innovation = (measured - expected).detach()
-        doubt = (angle * filter_bank.towards).sum(dim=1).clamp(min=LEAST_VARIANCE).detach()
-        of_error = along(along(filter_bank.covariance.detach(), self.motion.of_error), self.motion.of_error)
-        mean = (belief.weights[:, :, None] * filter_bank.rows).sum(dim=1).detach()
+        innovation = measured - expected
+        doubt = (prior.seen_as * prior.towards).sum(dim=1).clamp(min=LEAST_VARIANCE)
+        mean = (prior.weights[:, :, None] * prior.rows).sum(dim=1)
         features = self.features(
-            state, belief, mean, doubt, of_error, innovation, way_mm, variance, sample_time
+            *(state, prior.weights, mean, prior.covariance, doubt, innovation, way_mm),
+            *(variance, zero_deviation, sample_time),
         )
         verdict = None
         if self.guarded:
-            known = self.ood_detector(belief.weights, state.counts, torch.log(variance))
+            known = self.ood_detector(prior.weights, state.counts, torch.log(variance))
             verdict = self.fallback(classifier_on * (1 - known), state.counts)
-            policy_on, classifier_on = policy_on * known[:, None], classifier_on * known
-        return Predicted(
-            state=state,
-            filter_bank=filter_bank,
-            middle=middle,
-            keep=keep,
-            growth=self.motion.growth(way_mm, sample_time),
-            measured=measured,
-            innovation=innovation / torch.sqrt(variance),
-            doubt=doubt / variance,
-            seen=is_seen.to(measured.dtype),
-            variance=variance,
-            sample_time=sample_time,
-            features=features,
-            policy_on=policy_on,
-            classifier_on=classifier_on,
-            verdict=verdict,
+            classifier_on = classifier_on * known
+
+        found = self.filter_bank.update(prior, grows, measured, seen, variance)
+        plain, covariance, alone, of_alone, residual, plain_doubt = self.plain(
+            *(state.mean, state.covariance, angle, keep, grows, measured, seen, variance, verdict)
         )
-
-    def update(self, prior: Predicted, action: Tensor) -> tuple[Output, FilterState]:
-        """Return estimates and states after a sample, by the action (B, ACTIONS) before it is bounded."""
-        state, seen = prior.state, prior.seen
-        actions = action * prior.policy_on
-        on_gain, on_noise, on_error, on_members = (torch.tanh(actions) * self.reach).split(1, dim=1)
-        of_error, of_members = prior.growth
-        offset, variance, belief, of_bank = self.filter_bank.update(
-            prior.filter_bank,
-            of_error * torch.exp(on_error) + of_members * torch.exp(on_members),
-            prior.measured,
-            seen,
-            prior.variance,
-            on_gain[:, 0],
-            on_noise[:, 0],
+        apart = found.offset - alone
+        offset = alone + classifier_on * apart
+        spread = classifier_on * found.variance + (1 - classifier_on) * (
+            of_alone + classifier_on * apart * apart
         )
-        mean, covariance, counts = state.mean, state.covariance, state.counts
-        if self.goes_along:
-            given = prior.filter_bank.angle, prior.keep, of_error + of_members, prior.measured, seen
-            mean, covariance, alone, of_alone, residual, doubt = self.plain(
-                mean, covariance, *given, prior.variance, prior.sample_time, prior.verdict
-            )
-            counted = seen[:, None] * self.histogram(residual, doubt)
-            counts = counts * (1 - seen / HISTORY)[:, None] + counted
-            classifier_on, apart = prior.classifier_on, offset - alone
-            offset = alone + classifier_on * apart
-            variance = classifier_on * variance + (1 - classifier_on) * (
-                of_alone + classifier_on * apart * apart
-            )
-        statistics = recent(state, seen, prior.innovation, prior.doubt)
-        after = FilterState(mean, covariance, counts, state.samples + seen, statistics, *of_bank)
+        counts = state.counts * (1 - seen / HISTORY)[:, None]
+        counts = counts + seen[:, None] * self.histogram(residual, plain_doubt)
+        statistics = recent(state, seen, innovation / torch.sqrt(variance), doubt / variance)
+        after = FilterState(plain, covariance, counts, state.samples + seen, statistics, *found.state)
 
-        deviation = torch.sqrt(variance.clamp(min=LEAST_VARIANCE))
-        half_width = deviation * self.widen(prior.features)
-        bend, bias = prior.middle + offset, (belief.bias, belief.bias_variance)
-        return Output(bend, half_width, *bias, actions, deviation, prior.features), after
-
-
-def _of_bank(state: FilterState) -> FilterBankState:
-    return FilterBankState(state.rows, state.rows_covariance, state.evidence)
+        deviation = torch.sqrt(spread.clamp(min=LEAST_VARIANCE))
+        return Output(
+            middle + offset,
+            deviation * self.widen(features),
+            found.zero / torch.sqrt(variance),
+            found.zero_variance / variance,
+            offset.new_zeros(len(offset), 0),
+            deviation,
+            features,
+        ), after

@@ -17,7 +17,7 @@ from rl.options import TrainingOptions
 from rl.training import train_policy
 from rl.twins.graph import export_twins
 from rl.twins.members import draw_members
-from rl.twins.noises import count_noise_models
+from rl.twins.noises import noise_models
 from rl.twins.settings import TwinsTraining
 from rl.twins.step import TwinsStep
 from scripts.benchmarks.harness import SAMPLE_TIME, Result, in_turn, measurement, sinusoid
@@ -129,7 +129,7 @@ def _untrained_twins(
     settings = TwinsTraining()
     members = draw_members(preset, ranges, settings.members, 1, moving=settings.moving)
     directions = torch.linalg.qr(torch.randn(settings.members, settings.rank))[0]
-    step = TwinsStep(directions, count_noise_models(settings.noises), settings.policy_width).eval()
+    step = TwinsStep(directions, noise_models(settings.noises)).eval()
     step.guarded = True
     description = {"agent": ram_twins.AGENT, "members": members_to_dict(members), **(extra or {})}
     path = folder / ram_twins.TRAINING.file

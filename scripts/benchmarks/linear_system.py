@@ -20,7 +20,7 @@ from rl.supervised import tensor32
 from rl.twins.filter_step import ALL, FilterStep
 from rl.twins.learning import filter_sequences, learn_gain
 from rl.twins.records import STRIDES, Sequences
-from rl.twins.settings import SimulatedTraining
+from rl.twins.settings import NetworkTraining
 from scripts.benchmarks.harness import Array
 from twin.estimation.gaussian import condition, propagate
 
@@ -74,6 +74,7 @@ def sequences_of(bodies: Bodies) -> Sequences:
         tensor32(bodies.place),
         torch.ones(count),
         zeros,
+        zeros,
         torch.zeros(count, dtype=torch.long),
         zeros,
         torch.ones(count),
@@ -100,7 +101,7 @@ def kalman_filter(bodies: Bodies, *, knows_width: bool) -> Array:
 
 def learn_gains(step: FilterStep, source: LinearSource, updates: int, seed: int = 1) -> None:
     """Train a filter step on the system."""
-    settings = SimulatedTraining(
+    settings = NetworkTraining(
         noises=("gaussian",), episode=SAMPLES, window=50, updates=updates, sequences=128, seed=seed
     )
     learn_gain(step, source.draw, settings)

@@ -156,7 +156,7 @@ def test_it_believes_the_trained_file_at_the_r_of_the_sensor(twins_policy):
     wanted = 40 * np.sin(np.arange(150) * 0.05)
     noise = rng.normal(0, R**0.5, len(wanted))
     course = closed_loop(RAM_TWINS_PI.make(known), plant.step, wanted, lambda k, bend: bend + noise[k])
-    estimator = load_estimator(twins_policy).with_sensor(Sensor(R))
+    estimator = load_estimator(twins_policy, Sensor(R, zero_deviation_deg=0.0))
     expected = estimator.estimate(course.pull_mm, course.bend_deg + noise, 0.0)[0]
     np.testing.assert_allclose(course.believed_deg, expected, atol=1e-6)
     assert np.sqrt(np.mean((course.believed_deg - course.bend_deg)[20:] ** 2)) < 1.0

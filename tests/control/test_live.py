@@ -13,6 +13,7 @@ from twin.control.trial import Plant
 from twin.errors import InputError
 from twin.live import load_runtime
 from twin.live.lines import answers
+from twin.preset.sensor import SensorModel
 
 T = 0.02
 
@@ -23,7 +24,8 @@ def policy(tmp_path_factory):
 
 
 def prepared(policy, **options):
-    runtime = load_runtime(policy, sample_time=T, noise_variance=1.0)
+    calibrated = SensorModel(zero_deviation_deg=0.0)
+    runtime = load_runtime(policy, sample_time=T, noise_variance=1.0, sensor=calibrated, start="rest")
     return runtime, prepare_commands(policy, runtime, (-2.0, 2.0), 5.0, **options)
 
 

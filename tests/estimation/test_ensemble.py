@@ -79,13 +79,13 @@ def test_knowing_the_density_helps_and_for_gaussian_noise_changes_nothing(member
 
 def test_with_a_bias_it_is_the_conditional_mean_of_angle_and_bias_together(members):
     """The bias is one more normal unknown, which every measurement sees in full and the angle not at all."""
-    variance, deviations = 0.8, 1.5
+    variance, deviation = 0.8, 1.5
     rng = np.random.default_rng(3)
     measurement = members[0] + 2.0 + np.sqrt(variance) * rng.standard_normal(SAMPLES)
     mean, covariance = members.mean(axis=0), np.cov(members.T)
-    seen = covariance[1:, 1:] + deviations**2 * variance + variance * np.eye(SAMPLES - 1)
+    seen = covariance[1:, 1:] + deviation**2 + variance * np.eye(SAMPLES - 1)
     gain = covariance[-1, 1:] @ np.linalg.inv(seen)
-    filter_ = EnsembleFilter(members, variance, bias_deviations=deviations)
+    filter_ = EnsembleFilter(members, variance, zero_deviation_deg=deviation)
     found, half = filter_.estimate_with_interval(np.zeros(SAMPLES), measurement, 0.0)
     assert found[0, -1] == pytest.approx(mean[-1] + gain @ (measurement - mean)[1:], rel=1e-6)
     left = covariance[-1, -1] - gain @ covariance[1:, -1]

@@ -36,7 +36,7 @@ AGENTS = [
 def trained(request, records, model, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     options = TrainingOptions(agent=request.param, seed=1, **FEW)
-    tiny = ("noises", "sequences", "episode", "window", "noise_model_sequences", "interval_sequences")
+    tiny = ("noises", "episode", "noise_model_sequences", "interval_sequences")
     of_twins = {
         name: getattr(TINY, name) for name in tiny if request.param == "ram-twins" or name == "noises"
     }
@@ -81,8 +81,9 @@ def test_it_runs_where_neither_torch_nor_mujoco_can_be_imported(trained):
         "for name in ('torch', 'stable_baselines3', 'gymnasium', 'mujoco', 'dm_control', 'matplotlib'):\n"
         "    sys.modules[name] = None\n"
         "import numpy as np\n"
+        "from twin.estimation.estimator import Sensor\n"
         "from twin.estimation.load import load_estimator\n"
-        f"estimator = load_estimator({str(trained)!r})\n"
+        f"estimator = load_estimator({str(trained)!r}, Sensor(0.1))\n"
         "pull = np.sin(np.arange(50) / 9)\n"
         "print(np.isfinite(estimator.estimate(pull, 10 * pull, 3.0)).all())\n"
     )

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from small_twins import small_step
 
 from twin.estimation.estimator import Sensor
-from twin.estimation.learned.ram_twins import RECOGNISER_ALONE, STATE, MemberWeights, RamTwins
+from twin.estimation.learned.ram_twins import STATE, MemberWeights, RamTwins
 from twin.estimation.learned.step import ALL_PARTS, FILTER_ALONE, StepState
 from twin.estimation.load import load_estimator
 
@@ -53,7 +53,7 @@ def foretold(ram: RamTwins, state: StepState, members_deg: np.ndarray, parts) ->
 
 
 def test_the_directions_are_those_of_the_trained_step_about_their_mean(found):
-    trained = small_step().directions.numpy()[:, :-1]
+    trained = small_step().directions.numpy()[:, :-2]
     np.testing.assert_allclose(found.directions, trained - trained.mean(axis=0), atol=1e-7)
     np.testing.assert_allclose(found.directions.sum(axis=0), 0.0, atol=1e-12)
 
@@ -76,7 +76,7 @@ def test_what_the_filter_foretells_changes_by_the_weighted_motion_of_the_members
     state = states[of]
     now = state.following.of_filters()
     weights, moved = found.of(state), np.array(way)
-    before, after = foretold(ram, state, np.concatenate([now, now + moved]), RECOGNISER_ALONE)
+    before, after = foretold(ram, state, np.concatenate([now, now + moved]), ALL_PARTS)
     assert after - before == pytest.approx(weights @ moved, abs=1e-6)
 
 
@@ -92,10 +92,10 @@ def test_what_all_members_go_together_the_whole_graph_goes_too(ram, states, way,
 def test_only_the_coefficients_of_the_members_and_the_laws_count(found, states):
     """Not what no member does, nor anything of the filter alone."""
     memory = dict(zip(STATE, (of.copy() for of in states[-1].memory), strict=True))
-    memory["rows"][:, :, -1] += 5.0
+    memory["rows"][:, :, -2:] += 5.0
     others = {name: 0 * of for name, of in memory.items() if name not in ("rows", "evidence")}
     other = states[-1]._replace(memory=tuple((memory | others).values()))
     np.testing.assert_array_equal(found.of(other), found.of(states[-1]))
     memory["evidence"][:, 0] += 1000.0
-    certain = 1 / MEMBERS + found.directions @ memory["rows"][0, 0, :-1]
+    certain = 1 / MEMBERS + found.directions @ memory["rows"][0, 0, :-2]
     np.testing.assert_allclose(found.of(other._replace(memory=tuple(memory.values()))), certain, atol=1e-9)

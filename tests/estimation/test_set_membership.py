@@ -33,7 +33,7 @@ def test_truth_is_in_the_set_in_all_runs_at_all_samples(model, style, slope, flo
     measurement = bend + noise * bounded(rng, bend.shape, style)
     measurement[rng.random(bend.shape) < 0.1] = np.nan
     initial = bend[:, 0] + 20 * bounded(rng, (BATCH,), style)
-    tuned = SetMembershipFilter(model, T, bound).with_sensor(Sensor(noise**2 / 3, noise))
+    tuned = SetMembershipFilter(model, T, bound).with_sensor(Sensor(noise**2 / 3, bound=noise))
     low, high = tuned.intervals(pull, measurement, initial)
     assert ((low <= bend) & (bend <= high)).all()
 
@@ -97,8 +97,8 @@ def test_a_model_that_breaks_its_bound_does_not_lose_the_truth(jump):
 def test_bound_of_the_noise_is_the_sensor_s_or_three_deviations():
     tuned = SetMembershipFilter(COLEMAN_HODGDON, T, ErrorBound(1.0, 0.1))
     assert tuned.with_sensor(Sensor(4.0)).measurement_bound == pytest.approx(6.0)
-    assert tuned.with_sensor(Sensor(4.0, 2.5)).measurement_bound == pytest.approx(2.5)
-    mixed = tuned.with_sensor(Sensor(np.array([1.0, 4.0]), np.array([np.inf, 5.0]))).measurement_bound
+    assert tuned.with_sensor(Sensor(4.0, bound=2.5)).measurement_bound == pytest.approx(2.5)
+    mixed = tuned.with_sensor(Sensor(np.array([1.0, 4.0]), bound=np.array([np.inf, 5.0]))).measurement_bound
     np.testing.assert_allclose(mixed, [3.0, 5.0])
 
 

@@ -22,7 +22,7 @@ NOISES = 11
 STATE_NONE = {
     *("C-H", "C-H (monotone)", "Bouc-Wen", "P-I", "ESMF", "ESMF (geometry)"),
     *("LSTM", "GRU", "KalmanNet", "Direct RL", "RAM", "RAM (oracle)", "Constant gain"),
-    *("RAM (twins), recogniser alone", "RAM (twins), filter alone"),
+    "RAM (twins), filter alone",
 }
 """Methods that do not say how sure they are."""
 FEW = ["--methods", "C-H", "AM", "ESMF", "Constant gain"]

@@ -37,12 +37,6 @@ def untrained(untrained_twins):
 
 
 @pytest.fixture(scope="session")
-def loud_twins(tmp_path_factory):
-    """RAM (twins) with a policy whose every weight matters."""
-    return export_small(tmp_path_factory.mktemp("loud") / "policy.onnx", loud=0.5)
-
-
-@pytest.fixture(scope="session")
 def paper_policy(records, tmp_path_factory):
     """RAM of the paper, untrained."""
     active_model = ActiveModel(ColemanHodgdon(1.33, 22.3, 3.4), T)

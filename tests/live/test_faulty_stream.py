@@ -24,10 +24,10 @@ from twin.live.online import OnlineEstimator
 from twin.live.reading import Health
 
 T = 0.1
-SENSOR = Sensor(0.1, 1.0)
+SENSOR = Sensor(0.1, bound=1.0)
 NO_LIVE_FORM = {
     *("RAM (oracle)", "Ensemble", "Ensemble with bias"),
-    *("Particles (families)", "Ensemble (limit)", "Particles (limit)"),
+    *("Particles (families)", "Ensemble (limit)", "Ensemble (limit, zero unknown)", "Particles (limit)"),
 }
 """Functions of a whole case: one is shown the truth, the others were simulated along the whole command."""
 PLAY = PrandtlIshlinskii((5.0, 5.0, 5.0, 5.0), (0.0, 0.3, 0.6, 1.0))

@@ -146,7 +146,7 @@ def test_no_more_than_ten_seconds_of_a_gap_are_predicted():
 
 
 def test_what_was_trained_at_one_sample_time_counts_samples(ram_policy):
-    estimator = load_estimator(ram_policy)
+    estimator = load_estimator(ram_policy, Sensor(R))
     time = uneven(10.0)
     pull, measured = 3 + np.sin(time), 60 + 20 * np.sin(time)
     estimate, _ = live(estimator, time, pull, measured)

@@ -7,6 +7,7 @@ from twin.preset import load_preset, load_ranges
 from twin.preset.preset import at_sample_time
 from twin.reduced import simulate
 from twin.reduced.members import Members, MemberSet
+from twin.signals.excitation import paths_to
 
 T = 0.1
 PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
@@ -100,7 +101,7 @@ def test_samples_between_control_periods_have_the_angle_of_their_own_pull():
 
 def test_members_in_a_sheath_that_moves_have_the_records_of_that_sheath():
     other, period, phase = np.array([0.5, 6.0, 2.0]), np.array([8.0, 12.0, 5.0]), np.array([0.0, 0.3, 0.9])
-    moving = MemberSet(DRAWN, other, period, phase)
+    moving = MemberSet(DRAWN, other, period, phase, np.zeros((3, 2)))
     pull = 2 + np.sin(np.arange(80) * T)
     members = Members(moving, T)
     following = members.start(pull[:1])
@@ -132,7 +133,7 @@ def test_a_way_that_is_asked_for_is_that_which_members_would_go_and_leaves_them_
 def test_a_common_pull_knows_where_the_sheaths_go():
     """They move within the sample, so that members bend by themselves too."""
     other, weights = np.array([6.0, 0.1, 5.0]), np.array([0.5, 0.2, 0.3])
-    members = Members(MemberSet(DRAWN, other, np.full(3, 4.0), np.zeros(3)), T)
+    members = Members(MemberSet(DRAWN, other, np.full(3, 4.0), np.zeros(3), np.zeros((3, 2))), T)
     following = members.start(np.array([0.7]))
     for wanted in (20.0, 18.0, 12.0):
         pull = members.common_pull_mm(following, weights, wanted, (-6.0, 6.0))
@@ -140,3 +141,17 @@ def test_a_common_pull_knows_where_the_sheaths_go():
         following = members.step(following, np.array([pull]))
         assert following.of_filters()[0] @ weights == pytest.approx(wanted, abs=0.0101)
         np.testing.assert_array_equal(along[0], following.of_filters()[0])
+
+
+def test_of_unknown_history_each_member_comes_by_its_own_turning_points():
+    """The reduced twin along the same paths ends at the same angles; from rest they are others."""
+    turns = np.array([[3.0, -2.0], [-1.0, 2.0], [0.5, 0.0]])
+    members = Members(MemberSet.still(DRAWN)._replace(turns_mm=turns), T)
+    begun = members.start(np.array([1.0, 1.0, -0.5]), from_rest=False).of_filters()
+    paths = paths_to(turns * 1e-3, np.full(3, 1e-3), T)
+    np.testing.assert_allclose(paths[:, -1], 1e-3)
+    np.testing.assert_allclose(paths.max(axis=1)[0], 3e-3)
+    ended = [simulate(of, path, T).truth_deg[-1] for of, path in zip(DRAWN, paths, strict=True)]
+    np.testing.assert_allclose(begun[0], ended, atol=0.05)
+    np.testing.assert_array_equal(begun[0], begun[1])
+    assert np.abs(begun[0] - members.start(np.ones(1)).of_filters()[0]).max() > 0.3

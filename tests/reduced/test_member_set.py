@@ -12,7 +12,7 @@ PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
 DRAWN = tuple(RANGES.draw(PRESET, np.random.default_rng(k)) for k in range(3))
 OWN = np.array([preset.sheath_bend for preset in DRAWN])
 OTHER = np.array([0.5, OWN[1], 2.0])
-MOVING = MemberSet(DRAWN, OTHER, np.array([10.0, 1.0, 4.0]), np.array([0.0, 0.0, 0.25]))
+MOVING = MemberSet(DRAWN, OTHER, np.array([10.0, 1.0, 4.0]), np.array([0.0, 0.0, 0.25]), np.zeros((3, 2)))
 
 
 def test_a_sheath_goes_to_the_other_end_and_back_at_one_pace():

@@ -1,13 +1,15 @@
 """Balance of errors: what the loss of windows adds up to, by arithmetic of its own."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
-from small_twins import generator, shorter, small_source
+from small_twins import TINY_MEMORY, generator, small_source
 
 from rl.twins.learning import MOST_LAST, POWER, TypicalErrors
 
-SETTINGS = shorter(episode=40, window=10, noises=("gaussian", "gamma"))
+SETTINGS = dataclasses.replace(TINY_MEMORY, episode=40, window=10, noises=("gaussian", "gamma"))
 
 
 def sequences(stride=5, count=64):
@@ -30,13 +32,18 @@ def test_what_is_typical_has_the_loss_one_in_each_family_over_an_episode():
 
 
 def test_the_gradient_is_that_of_the_mean_logarithm_of_the_families_errors():
-    drawn, typical = sequences(), TypicalErrors(shorter(episode=40, window=40, noises=SETTINGS.noises))
+    drawn, typical = (
+        sequences(),
+        TypicalErrors(dataclasses.replace(TINY_MEMORY, episode=40, window=40, noises=SETTINGS.noises)),
+    )
     square = (torch.rand(64, generator=torch.Generator().manual_seed(1)) + 0.1).requires_grad_()
     (found,) = torch.autograd.grad(typical.loss(square, drawn, 0), square)
     scaled = square / drawn.variance**POWER
-    counts = torch.bincount(drawn.family).double()
+    counts = torch.bincount(drawn.family).tolist()
     wanted = sum(
-        count / 64 * torch.log(scaled[drawn.family == family].mean()) for family, count in enumerate(counts)
+        count / 64 * torch.log(scaled[drawn.family == family].mean())
+        for family, count in enumerate(counts)
+        if count
     )
     (gradient,) = torch.autograd.grad(wanted, square)
     np.testing.assert_allclose(found, gradient, rtol=1e-4)

@@ -13,6 +13,7 @@ from rl.kalman_net import ERROR_GAIN_LIMIT, KalmanNetStep, train_kalman_net
 from rl.policies import log_scale
 from rl.supervised import SequenceTraining
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.estimator import Sensor
 from twin.estimation.load import load_estimator
 from twin.hysteresis import PrandtlIshlinskii
 
@@ -26,7 +27,7 @@ def trained(records, model, tmp_path_factory):
     folder = tmp_path_factory.mktemp("kalman_net")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("rl.kalman_net.EPISODE", 75)
-        return load_estimator(train_kalman_net(records, ActiveModel(model, T), SHORT, folder))
+        return load_estimator(train_kalman_net(records, ActiveModel(model, T), SHORT, folder), Sensor(0.1))
 
 
 @pytest.fixture(scope="module")
@@ -141,6 +142,6 @@ def test_the_exported_graph_is_the_step(stacked, tmp_path):
     export_step(step, dict.fromkeys(step.inputs, ()), step.state, description, tmp_path / "a.onnx")
     pull, _, measurement = stacked
     holed = np.where(np.arange(measurement.shape[1]) % 97 == 40, np.nan, measurement)
-    found = load_estimator(tmp_path / "a.onnx").estimate(pull, holed, 60.0)
+    found = load_estimator(tmp_path / "a.onnx", Sensor(0.1)).estimate(pull, holed, 60.0)
     wanted = as_estimator(step, COLEMAN_HODGDON).estimate(pull, holed, 60.0)
     np.testing.assert_allclose(found, wanted, atol=1e-8)

@@ -84,11 +84,11 @@ def test_it_remembers_as_the_gated_recurrent_unit_of_torch():
 def test_whatever_the_policy_says_the_update_is_a_convex_step_and_variances_stay_positive(seed, loud):
     step = small_memory_step(seed, loud=loud)
     sequences = drawn(4, 12, seed, ("salt-and-pepper", "gamma"))
-    state = step.start(sequences.variance)
+    state = step.start(sequences.zero_deviation_deg)
     with torch.no_grad():
         for k in range(12):
             inputs, y = [of[k] for of in sequences.inputs], sequences.measurement_deg[k]
-            rest = (sequences.variance, sequences.sample_time, ALL)
+            rest = (sequences.variance, sequences.zero_deviation_deg, sequences.sample_time, ALL)
             _, unseen = step(*inputs, torch.full_like(y, torch.nan), *rest, state)
             output, state = step(*inputs, y, *rest, state)
             share = (state.mean[:, 0] - unseen.mean[:, 0]) / (y - unseen.mean[:, 0])

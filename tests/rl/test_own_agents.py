@@ -76,7 +76,7 @@ def test_an_agent_file_becomes_an_estimator_that_restarts_from_its_run(records, 
     assert trained(records, model, tmp_path, program) == path
     assert path.stat().st_mtime_ns == before
     pull, bend = records[0]
-    assert np.isfinite(load_estimator(path).estimate(pull, bend, bend[0] + 5)).all()
+    assert np.isfinite(load_estimator(path, Sensor(0.1)).estimate(pull, bend, bend[0] + 5)).all()
     if program == RECURRENT:  # the one with a memory: the gate takes seconds
         held = {check.name for check in run_gate(material_of(path)).checks if check.holds}
         assert held >= {"graph as it was trained", "bounds under hostile inputs", "a number under faults"}
@@ -92,7 +92,7 @@ def test_a_module_acts_as_its_numbers_say(records, model, tmp_path):
     state = filtered.start(pull[:1], bend[:1] + 5)
     state = filtered.step(state, pull[1:2], pull[:1], bend[1:2] + 1)
     expected = filtered.bend_deg(state) + 0.75 * (bend[1] + 1 - filtered.bend_deg(state))
-    found = load_estimator(path).estimate(pull[:2], bend[:2] + np.array([0.0, 1.0]), bend[0] + 5)
+    found = load_estimator(path, Sensor(0.1)).estimate(pull[:2], bend[:2] + np.array([0.0, 1.0]), bend[0] + 5)
     assert found[0, 1] == pytest.approx(expected[0])
 
 

@@ -7,7 +7,6 @@ import sys
 
 import briefly
 import numpy as np
-import onnx
 import pytest
 import torch
 from exported import filtered_by_both
@@ -18,27 +17,21 @@ from small_twins import (
     generator,
     shorter,
     small_members,
-    small_records,
     small_source,
     small_step,
-    still_members,
     twins,
 )
 
-import rl.on_twins
-import rl.twins.run
 from rl.on_twins import train_ram_twins
 from rl.twins.graph import StepGraph, export_twins
 from rl.twins.learning import learn_interval
 from rl.twins.members import choose_members
-from rl.twins.noises import FAMILIES, LINEAR, count_noise_models, draw_noises
-from rl.twins.records import SAMPLE_TIME
+from rl.twins.noises import FAMILIES, LINEAR, draw_noises, noise_models
 from twin.estimation.estimator import Sensor
 from twin.estimation.learned.ram_twins import STATE
 from twin.estimation.learned.step import ALL_PARTS, FILTER_ALONE
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.load import load_estimator
-from twin.reduced import simulate
 from twin.reduced.members import members_to_dict
 
 
@@ -60,7 +53,7 @@ def trained(tmp_path_factory, few_candidates):
 
 def test_the_graph_that_is_deployed_is_the_step_that_was_trained(tmp_path):
     """From a state of zeros on, for any number of filters, where a measurement is missing too."""
-    step = small_step(loud=2.0)
+    step = small_step()
     export_twins(step, TINY.members, {"agent": "ram-twins"}, tmp_path / "policy.onnx")
     file, graph = read_trained_file(tmp_path / "policy.onnx"), StepGraph(step)
     names = ("members_deg", "way_mm", *STATE)
@@ -70,24 +63,18 @@ def test_the_graph_that_is_deployed_is_the_step_that_was_trained(tmp_path):
             np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=2e-3)
 
 
-def test_members_and_estimated_twins_are_those_of_the_reduced_twin():
-    pull_mm, members_deg, truth_deg = small_records()
-    record = simulate(small_members().presets[0], pull_mm[2].astype(float) * 1e-3, SAMPLE_TIME)
-    np.testing.assert_allclose(record.truth_deg, members_deg[2, 0], atol=2e-3)
-    assert np.abs(pull_mm).max() <= 4
-    assert (np.ptp(truth_deg, axis=1) > 0).any(axis=1).all()
-
-
 @pytest.mark.parametrize("family", sorted(FAMILIES))
-def test_a_noise_has_the_moments_that_it_tells(family):
+def test_a_noise_has_mean_zero_and_the_variance_that_it_tells(family):
     """Student's t has no fourth moment at few degrees of freedom: its median tells its scale instead."""
     noise = draw_noises([family], 20, 40_000, generator(2))
-    error = 6 * np.sqrt(noise.variance / 40_000)
-    assert (np.abs(noise.noise_deg.mean(axis=1) - noise.mean_deg) < error).all()
+    samples = 40_000 / (40 if family == "correlated" else 1)  # as many as are independent of each other
+    error = 6 * np.sqrt(noise.variance / samples)
+    assert (np.abs(noise.noise_deg.mean(axis=1)) < error).all()
     if family != "student-t":
-        np.testing.assert_allclose(noise.noise_deg.var(axis=1), noise.variance, rtol=0.1)
+        np.testing.assert_allclose(noise.noise_deg.var(axis=1), noise.variance, rtol=0.15)
     assert noise.linear.all() == (family in LINEAR)
-    assert set(noise.noise_model) <= set(range(count_noise_models([family])))
+    models = range(len(noise_models([family]))) if FAMILIES[family].shapes else [-1]
+    assert set(noise.noise_model) <= set(models)
     assert (noise.family == 0).all()
 
 
@@ -165,37 +152,6 @@ def test_the_document_runs_the_file_in_plain_onnx_runtime(trained, tmp_path):
     assert done.stdout.splitlines() == said
 
 
-class Stopped(Exception):
-    """The user's Ctrl-C."""
-
-
-@pytest.mark.slow
-def test_a_training_that_was_stopped_goes_on_to_the_same_numbers(tmp_path):
-    """Stopped after its first checkpoint; the whole one is never stopped."""
-    settings = shorter(updates=12, episode=40, window=20)
-    weights = {}
-    for name in ("whole", "stopped"):
-        folder = tmp_path / name
-
-        def stop(done, total, error, folder=folder):
-            if folder.name == "stopped" and (folder / "checkpoint.state").exists():
-                raise Stopped
-
-        if name == "stopped":
-            with pytest.raises(Stopped):
-                train_ram_twins(*twins(), settings, folder, stop)
-            assert (folder / "checkpoint.state").exists()
-            assert not (folder / "policy.onnx").exists()
-        path = train_ram_twins(*twins(), settings, folder)
-        assert not (folder / "checkpoint.state").exists()
-        graph = onnx.load(path).graph
-        weights[name] = {part.name: onnx.numpy_helper.to_array(part) for part in graph.initializer}
-        weights[name]["curve"] = (folder / "progress.csv").read_text()
-    assert weights["whole"].keys() == weights["stopped"].keys()
-    for name, values in weights["whole"].items():
-        np.testing.assert_array_equal(values, weights["stopped"][name], err_msg=name)
-
-
 def test_a_foreign_checkpoint_is_left_alone(tmp_path):
     folder = tmp_path / "run"
     folder.mkdir()
@@ -211,41 +167,10 @@ def test_the_same_seed_trains_the_same_step(trained, tmp_path):
     drawn = small_source().draw(3, 25, generator(4))
     pull = np.cumsum(drawn.inputs[1].numpy(), axis=0).T.astype(float)
     estimates = [
-        load_estimator(path).estimate(pull, drawn.measurement_deg.numpy().T, 0.0)
+        load_estimator(path, Sensor(1.0)).estimate(pull, drawn.measurement_deg.numpy().T, 0.0)
         for path in (trained[0], again)
     ]
     np.testing.assert_allclose(*estimates, atol=1e-4)
-
-
-@pytest.mark.slow
-def test_a_checkpoint_of_other_members_is_not_taken_up(tmp_path, monkeypatch):
-    """Its weights learned on other twins; members are computed, and may differ with the libraries."""
-    settings = shorter(updates=4)
-
-    def simulate_records(preset, ranges, members, **named):
-        pull_mm, members_deg, truth_deg = small_records()
-        still = members is still_members()
-        return pull_mm, members_deg[:, ::-1] if still else members_deg, truth_deg
-
-    monkeypatch.setattr(rl.twins.run, "simulate_records", simulate_records)
-
-    def stop(done, total, error):
-        if (tmp_path / "stopped" / "checkpoint.state").exists():
-            raise Stopped
-
-    def choose(members):
-        monkeypatch.setattr(rl.on_twins, "choose_members", lambda *given, **named: members)
-
-    choose(still_members())
-    with pytest.raises(Stopped):
-        train_ram_twins(*twins(), settings, tmp_path / "stopped", stop)
-    choose(small_members())
-    learned = []
-    for name in ("stopped", "new"):
-        graph = onnx.load(train_ram_twins(*twins(), settings, tmp_path / name)).graph
-        learned.append({part.name: onnx.numpy_helper.to_array(part) for part in graph.initializer})
-    for name, values in learned[1].items():
-        np.testing.assert_array_equal(learned[0][name], values, err_msg=name)
 
 
 def test_a_measurement_far_from_all_twins_counts_as_one_half_a_turn_away(trained):
@@ -261,3 +186,22 @@ def test_a_measurement_far_from_all_twins_counts_as_one_half_a_turn_away(trained
     state = single.start(0.0, 0.0)
     ends = [single.bend_deg(single.step(state, 0.1, 0.0, angle)) for angle in (700.0, highest + 180.0)]
     assert ends[0] == ends[1] == stepped[0]
+
+
+def test_an_initial_estimate_counts_as_far_as_its_deviation_tells(trained):
+    """A sure one is the estimate before anything is measured; one that is worth nothing is as none."""
+    estimator = load_estimator(trained[0], Sensor(1.0))
+    pull, unseen, first = np.array([0.5, 0.5]), np.full(2, np.nan), np.array([3.0, -4.0])
+
+    def next_deg(deviation):
+        begun = estimator.begun(from_rest=True, initial_deviation_deg=deviation)
+        return begun.step(begun.start(pull, first), pull, pull, unseen).bend_deg
+
+    np.testing.assert_allclose(next_deg(1e-3), first, atol=0.02)
+    np.testing.assert_allclose(next_deg(1e6), next_deg(np.inf), atol=1e-3)
+    assert np.ptp(next_deg(np.inf)) < 1e-9
+
+
+def test_an_estimator_whose_sensor_nobody_stated_refuses_to_run(trained):
+    with pytest.raises(ValueError, match="sensor is not known"):
+        load_estimator(trained[0]).estimate(np.zeros(5), np.zeros(5), 0.0)

@@ -12,6 +12,7 @@ from rl.export import export_step
 from rl.recurrent import GruStep, LstmStep, SequenceNetwork, train_gru, train_lstm
 from rl.supervised import SequenceTraining
 from twin.estimation.active_model import ActiveModel
+from twin.estimation.estimator import Sensor
 from twin.estimation.load import load_estimator
 from twin.hysteresis import PrandtlIshlinskii
 
@@ -25,7 +26,7 @@ def trained(records, model, tmp_path_factory):
     @functools.cache
     def trained(agent):
         path = TRAIN[agent](records, ActiveModel(model, 0.1), SHORT, tmp_path_factory.mktemp(agent))
-        return load_estimator(path)
+        return load_estimator(path, Sensor(0.1))
 
     return trained
 
@@ -98,7 +99,8 @@ def test_the_exported_graph_is_the_step(stacked, agent, tmp_path):
     holed = measurement.copy()
     holed[1, 1:4], holed[2, 60:70] = np.nan, np.nan
     found, wanted = (
-        of.estimate(pull, holed, 50.0) for of in (load_estimator(path), as_estimator(made, COLEMAN_HODGDON))
+        of.estimate(pull, holed, 50.0)
+        for of in (load_estimator(path, Sensor(0.1)), as_estimator(made, COLEMAN_HODGDON))
     )
     np.testing.assert_allclose(found, wanted, atol=1e-9)
 

@@ -116,11 +116,11 @@ def test_whatever_is_said_the_update_is_a_convex_step_and_the_variance_stays_pos
     with torch.no_grad():
         step.output[-1].weight.normal_(0, loud)
     sequences = small_memory_source(("salt-and-pepper", "gamma")).draw(4, 12, generator(seed), stride=5)
-    state = step.start(sequences.variance)
+    state = step.start(sequences.zero_deviation_deg)
     with torch.no_grad():
         for k in range(12):
             inputs, y = [of[k] for of in sequences.inputs], sequences.measurement_deg[k]
-            rest = (sequences.variance, sequences.sample_time, ALL)
+            rest = (sequences.variance, sequences.zero_deviation_deg, sequences.sample_time, ALL)
             _, unseen = step(*inputs, torch.full_like(y, torch.nan), *rest, state)
             output, state = step(*inputs, y, *rest, state)
             if k:

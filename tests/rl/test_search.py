@@ -33,7 +33,6 @@ def test_every_rival_is_given_a_grid_of_the_same_size_around_its_own_settings():
         grid = grid_of(rival.spec.training.agent)
         assert len(grid) == 6, name
         assert {"learning_rate": rival.rate, "width": rival.width} in grid
-    assert len(grid_of("ram-twins")) == 6
     grid = grid_of("ram-memory")
     assert len(grid) == 6
     assert {"learning_rate": RAM_MEMORY_SETTINGS.learning_rate, "width": RAM_MEMORY_SETTINGS.width} in grid

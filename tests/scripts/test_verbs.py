@@ -203,7 +203,6 @@ def mistakes(workspace, tmp_path_factory):
         ("train data/train --model coleman_hodgdon.json --noises gamma --out x", "is for --protocol twins"),
         ("train --protocol twins --stroke -4 4000 --out x", "stroke [-4, 4000] mm: this endoscope is pulled"),
         ("train --protocol twins --agent gru --search --out x", "--search are for several trainings"),
-        ("train --protocol twins --gain sac --out x", "gain sac: valid are analytic; ppo; analytic ppo"),
         ("train data/train --model coleman_hodgdon.json --seeds 0 --out x", "seeds 0: must be at least 1"),
         (
             "evaluate data/test --model coleman_hodgdon.json --initial-error-deg nan --out x",

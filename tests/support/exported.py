@@ -38,7 +38,7 @@ def filtered_by_both(
         is_missing: whether the first filter has no measurement at a sample.
         precision: of torch.
     """
-    of_torch = [torch.zeros_like(of, dtype=precision) for of in graph.step.start(drawn.variance)]
+    of_torch = [torch.zeros_like(of, dtype=precision) for of in graph.step.start(drawn.zero_deviation_deg)]
     graph = copy.deepcopy(graph).to(precision)
     of_onnx = [of.numpy() for of in of_torch]
     predicted_by, state = names[: len(drawn.inputs)], names[len(drawn.inputs) :]
@@ -51,13 +51,14 @@ def filtered_by_both(
             *(of[place] for of in drawn.inputs),
             measurement,
             drawn.variance,
+            drawn.zero_deviation_deg,
             drawn.sample_time,
             torch.ones(2),
         )
         values = tuple(of.to(precision) for of in values)
         with torch.no_grad():
             bend, half_width, *of_torch = graph(*values, *of_torch)
-        of_sample = ("measurement_deg", "variance", "sample_time", "parts")
+        of_sample = ("measurement_deg", "variance", "zero_deviation_deg", "sample_time", "parts")
         fed = dict(zip((*predicted_by, *of_sample), (of.numpy() for of in values), strict=True))
         found = file.run(**fed, **dict(zip(state, of_onnx, strict=True)))
         of_onnx = found[2:]
@@ -75,13 +76,14 @@ def said_by_both(step: FilterStep, estimator: LearnedStep) -> Iterator[tuple[np.
         pull = source.records[0][command, index].astype(float)
         measurement = pull * 20 + generator(count).standard_normal(pull.shape)
         measurement[8:10, 0] = np.nan
-        variance = np.linspace(0.3, 2.0, count)
+        variance, unknown = np.linspace(0.3, 2.0, count), np.linspace(0.0, 3.0, count)
         inputs = source.predict(source.records, command, index)
-        state, wanted = step.start(tensor32(variance)), []
+        given = tensor32(variance), tensor32(unknown), torch.full((count,), 0.1), ALL
+        state, wanted = step.start(given[1]), []
         with torch.no_grad():
             for *by, y in zip(*inputs, tensor32(measurement[1:]), strict=True):
-                output, state = step(*by, y, tensor32(variance), torch.full((count,), 0.1), ALL, state)
+                output, state = step(*by, y, *given, state)
                 wanted.append(torch.stack([output.bend_deg, output.half_width_deg]))
-        sensed = estimator.with_sensor(Sensor(variance))
+        sensed = estimator.with_sensor(Sensor(variance, unknown))
         found = sensed.estimate_with_interval(pull.T, measurement.T, 0.0)
         yield np.array(found)[:, :, 1:], torch.stack(wanted).permute(1, 2, 0).numpy()

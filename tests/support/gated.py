@@ -41,8 +41,8 @@ def deployment():
     return prepare_deployment(records, ColemanHodgdon(1.33, 22.3, 3.4), T, seed=0).to_dict()
 
 
-def export_small(path, loud=0.0):
-    """Write an untrained step of RAM (twins); `loud` is the spread of the weights of its last layer."""
+def export_small(path):
+    """Write an untrained step of RAM (twins)."""
     preset, ranges = twins()
     description = {
         "agent": "ram-twins",
@@ -52,5 +52,5 @@ def export_small(path, loud=0.0):
         "training": {"stroke_mm": [-4.0, 4.0]},
         KEY: deployment(),
     }
-    export_twins(small_step(loud=loud), TINY.members, description, path)
+    export_twins(small_step(), TINY.members, description, path)
     return path

@@ -8,36 +8,34 @@ import torch
 from numpy.typing import ArrayLike
 
 from rl.twins.memory_step import MemoryStep
-from rl.twins.noises import STANDARD, count_noise_models
+from rl.twins.noises import noise_models
 from rl.twins.records import SequenceSource, TwinArrays, by_model, principal_directions, simulate_records
 from rl.twins.settings import NetworkTraining, SimulatedTraining, TwinsTraining
 from rl.twins.step import TwinsStep
 from twin.hysteresis import ColemanHodgdon
 from twin.preset import load_preset, load_ranges
-from twin.reduced.members import MemberSet
+from twin.reduced.members import MemberSet, draw_turns
 from twin.signals.streams import SeedUse, random_stream
 
 TINY = TwinsTraining(
-    noises=tuple(name for name in STANDARD if name != "contaminated"),  # eight: few sequences meet them all
+    noises=("gaussian", "laplace", "gamma", "poisson-dithered", "salt-and-pepper"),
     members=6,
     moving=2,
     rank=4,
     commands=6,
     twins=2,
     seconds=20.0,
-    sequences=16,
     episode=40,
-    window=20,
     noise_model_sequences=64,
     noise_model_updates=10,
-    updates=8,
     interval_sequences=64,
     interval_updates=10,
     seed=1,
 )
 
 
-LAWS = count_noise_models(TINY.noises)
+MODELS = noise_models(TINY.noises)
+LAWS = len(MODELS)
 
 
 @functools.cache
@@ -57,10 +55,11 @@ def still_members() -> MemberSet:
 @functools.cache
 def small_members() -> MemberSet:
     """The same, two of them in a sheath that moves."""
-    presets, *course = still_members()
+    presets, *course, turns = still_members()
     other, period, phase = (of.copy() for of in course)
     other[-2:], period[-2:], phase[-2:] = (0.7, 4.6), (90.0, 200.0), (0.2, 0.6)
-    return MemberSet(presets, other, period, phase)
+    turns = draw_turns((-4.0, 4.0), len(presets), generator(5))
+    return MemberSet(presets, other, period, phase, turns)
 
 
 @functools.cache
@@ -78,23 +77,22 @@ def drawn(count=5, samples=30, seed=3, noises=("gaussian", "poisson")):
     return small_source(noises).draw(count, samples, generator(seed), stride=5)
 
 
-def small_step(seed=0, rank=TINY.rank, loud=0.0) -> TwinsStep:
-    """An untrained step; `loud` is the spread of the weights of its policy's last layer."""
+def small_step(seed=0, rank=TINY.rank) -> TwinsStep:
+    """An untrained step."""
     torch.manual_seed(seed)
-    step = TwinsStep(principal_directions(small_records()[1], rank), LAWS, 64)
-    with torch.no_grad():
-        step.policy[-1].weight.normal_(0, loud)
-    return step.eval()
+    return TwinsStep(principal_directions(small_records()[1], rank), MODELS).eval()
 
 
-def normal_laws(step: TwinsStep, means: ArrayLike = 0.0, deviations: ArrayLike = 1.0) -> TwinsStep:
-    """Make every noise model of a step normal, the same at any R, as likely as any other, and certain."""
+def normal_laws(step: TwinsStep, deviations: ArrayLike = 1.0) -> TwinsStep:
+    """Make every noise model of a step normal, the same at any R, as likely as any other, and certain.
+
+    Deviations are in units of sqrt(R), one for all or for each; those of one shape must be the same.
+    """
     noise_models = step.filter_bank.noise_models
-    mean, deviation = (torch.as_tensor(of, dtype=torch.float32).expand(LAWS) for of in (means, deviations))
+    of_models = torch.as_tensor(deviations, dtype=torch.float32).expand(LAWS)
+    deviation = torch.stack([of_models[place] for place in noise_models.of_shape.argmax(dim=0)])
     with torch.no_grad():
-        step.filter_bank.caution.fill_(-20.0)
         noise_models.places.zero_()
-        noise_models.places[0] = mean[:, None]
         noise_models.widths.fill_(-20.0)
         noise_models.widths[0] = torch.log(deviation)[:, None]
         noise_models.weights.zero_()
@@ -114,7 +112,10 @@ def generator(seed=0) -> np.random.Generator:
 
 
 TINY_MEMORY = NetworkTraining(
-    **{field.name: getattr(TINY, field.name) for field in dataclasses.fields(SimulatedTraining)}
+    **{field.name: getattr(TINY, field.name) for field in dataclasses.fields(SimulatedTraining)},
+    sequences=16,
+    window=20,
+    updates=8,
 )
 MODEL = ColemanHodgdon(1.15, 22.3, 4.9)
 

@@ -29,7 +29,8 @@ def as_estimator(step, model=None, sample_time=0.1, **fields):
     state = step.state if isinstance(step.state, dict) else dict.fromkeys(step.state, ())
     first = step.start if isinstance(step, PolicyStep) else {}
     network = StepNetwork(TorchFile(step), step.inputs, state, False, first)
-    return LearnedStep(network, model if "keep" in step.inputs else None, sample_time, **fields)
+    sensor = {"measurement_variance": 0.1} | fields
+    return LearnedStep(network, model if "keep" in step.inputs else None, sample_time, **sensor)
 
 
 class Constant(torch.nn.Module):

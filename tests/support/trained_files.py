@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from controlled import DEPLOYMENT, R
+from controlled import DEPLOYMENT
 from models import COLEMAN_HODGDON
-from small_twins import LAWS, TINY, normal_laws, small_step, still_members
+from small_twins import TINY, normal_laws, small_step, still_members
 
 from rl.environment import model_record
 from rl.options import TrainingOptions
@@ -15,8 +15,6 @@ from twin.estimation.deployment import KEY
 from twin.reduced.members import members_to_dict
 
 SAMPLE_TIME = 0.1
-OFF_DEG = (-16.0, 18.0)
-"""Means of a sensor with an offset, each of which its noise model takes for what it is."""
 
 
 def train_ram(folder: Path) -> None:
@@ -29,6 +27,5 @@ def train_ram(folder: Path) -> None:
 def export_twins_policy(folder: Path) -> None:
     """Export an untrained RAM (twins): a filter on a few still twins, whose policy is off."""
     described = {"members": members_to_dict(still_members()), KEY: DEPLOYMENT.to_dict()}
-    means = [0.0] * (LAWS - len(OFF_DEG)) + [off / R**0.5 for off in OFF_DEG]
-    step = normal_laws(small_step(), means)
+    step = normal_laws(small_step())
     export_twins(step, TINY.members, {"agent": "ram-twins"} | described, folder / "policy.onnx")

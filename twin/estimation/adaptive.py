@@ -8,7 +8,7 @@ import dataclasses
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.estimation.active_model import ANGLE, ActiveModel
@@ -148,9 +148,14 @@ class BiasedActiveModel(ActiveModel):
     model's level therefore counts as a bias, and so does a wrong first angle that `initial_variance` trusts.
     """
 
-    bias_variance: float = 1.0  # of the bias at the first sample, where zero is expected [deg^2]
+    bias_variance: ArrayLike = 1.0  # of the bias at the first sample, where zero is expected [deg^2]
     # of its random walk, per sample; 1e-6 is 0.02 deg in a minute at 0.1 s, zero a constant [deg^2]
     bias_process_variance: float = 1e-6
+
+    def with_sensor(self, sensor: Sensor) -> Self:
+        """Return the filter that takes the sensor's variance as R, and knows its zero that well."""
+        variance = np.square(np.asarray(sensor.zero_deviation_deg, float))
+        return dataclasses.replace(super().with_sensor(sensor), bias_variance=variance)
 
     def over(self, elapsed_s: float) -> Self:
         """Return the filter of another T [s]; all variances of random walks grow with the time."""

@@ -34,7 +34,6 @@ BANDWIDTH, ROUGH_BANDWIDTH = 0.7, 0.95
 
 Chosen on reduced twins that no test has: 0.5 to 0.9 are all better than the linear limit, for rough densities
 0.95 by 1 to 3 %."""
-BIAS_DEVIATIONS = 1.0  # standard deviation of the mean of a noise that may be skewed, in units of sqrt(R)
 MOST_BYTES = 1024 * MEBIBYTE  # size of a file of an ensemble [bytes]: thousands of members along minutes
 _SAME = 1e-9  # two pulls that differ by less are one [mm]
 _LEAST = 10  # samples for which a record must follow a command
@@ -65,9 +64,9 @@ class EnsembleFilter(Estimator[EnsembleState]):
     members_deg: Array  # (M, N) angle of each member at each sample of the command [deg]
     measurement_variance: float = 0.1  # R [deg^2]
     density: "NoiseDensity | None" = None  # of the noise; if unknown, normal, of mean zero and variance R
-    # standard deviation of the mean of the noise, which is then one more coefficient, in units of sqrt(R); 0
-    # where it is known to be zero
-    bias_deviations: float = 0.0
+    # standard deviation of the sensor's zero, which is then one more coefficient [deg]; the density is taken
+    # about its mean. 0: the density is where it is
+    zero_deviation_deg: float = 0.0
 
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the filter that takes the sensor's variance as R, which all filters of the batch share."""
@@ -78,7 +77,7 @@ class EnsembleFilter(Estimator[EnsembleState]):
 
     def start(self, pull_mm: Array, bend_deg: Array) -> EnsembleState:
         """Return the state at the first sample; the initial estimate is not used."""
-        count = len(self.members_deg) + bool(self.bias_deviations)
+        count = len(self.members_deg) + bool(self.zero_deviation_deg)
         return EnsembleState(0, np.zeros((count, bend_deg.size)), np.eye(count))
 
     def step(
@@ -92,7 +91,7 @@ class EnsembleFilter(Estimator[EnsembleState]):
         if not sole_measurement(measurement_deg):
             return state._replace(sample=sample)
         mean, anomaly = self.mean_and_anomaly(sample)
-        seen = self._with_bias(anomaly, self.bias_deviations * np.sqrt(self.measurement_variance))
+        seen = self._with_bias(anomaly, self.zero_deviation_deg)
         cross = state.covariance @ seen  # covariance of the coefficients with the measured angle
         spread = float(np.sqrt(max(float(seen @ cross), 0.0)))
         score, information = self.weigh(measurement_deg - mean - seen @ state.mean, spread)
@@ -114,7 +113,7 @@ class EnsembleFilter(Estimator[EnsembleState]):
 
     def _with_bias(self, anomaly: Array, of_bias: float = 0.0) -> Array:
         """Return the factors of the coefficients, where the mean of the noise is one of them."""
-        return np.append(anomaly, of_bias) if self.bias_deviations else anomaly
+        return np.append(anomaly, of_bias) if self.zero_deviation_deg else anomaly
 
     def weigh(self, innovation: Array, spread: float) -> tuple[Array, float]:
         """Return the (B,) scores of innovations, and their information, for a belief of this deviation."""
@@ -122,6 +121,8 @@ class EnsembleFilter(Estimator[EnsembleState]):
         if density is None:
             information = 1 / (spread**2 + self.measurement_variance)
             return innovation * information, information
+        if self.zero_deviation_deg:
+            innovation = innovation + density.mean
         if spread > NARROW * np.sqrt(density.variance):
             # The belief may have two peaks then, the angle and an outlier; the best linear update is safe.
             information = 1 / (spread**2 + density.variance)
@@ -331,33 +332,46 @@ class FamilyFilter(Estimator[FamilyState]):
 
 
 Noise = tuple[str, float]  # kind and level of a noise
-Build = Callable[[Array, float, Noise], Estimator[Any]]
-"""Filter of members (M, N) [deg] under a noise of variance R [deg^2]."""
+Build = Callable[[Array, Sensor, Noise], Estimator[Any]]
+"""Filter of members (M, N) [deg] under a noise, of which the sensor tells what an estimator may know."""
 
 
-def _known_variance(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
-    return EnsembleFilter(members_deg, variance)
+def _known_variance(members_deg: Array, sensor: Sensor, noise: Noise) -> EnsembleFilter:
+    return EnsembleFilter(members_deg, *_values(sensor)[:1])
 
 
-def _unknown_bias(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
-    return EnsembleFilter(members_deg, variance, bias_deviations=BIAS_DEVIATIONS)
+def _unknown_zero(members_deg: Array, sensor: Sensor, noise: Noise) -> EnsembleFilter:
+    variance, deviation = _values(sensor)
+    return EnsembleFilter(members_deg, variance, zero_deviation_deg=deviation)
 
 
-def _known_density(members_deg: Array, variance: float, noise: Noise) -> EnsembleFilter:
+def _known_density(members_deg: Array, sensor: Sensor, noise: Noise) -> EnsembleFilter:
     from twin.signals.noise_density import noise_density  # SciPy: imported when used
 
-    return EnsembleFilter(members_deg, variance, noise_density(*noise))
+    return EnsembleFilter(members_deg, _values(sensor)[0], noise_density(*noise))
 
 
-def _particles(members_deg: Array, variance: float, noise: Noise) -> ParticleFilter:
-    return ParticleFilter(_known_density(members_deg, variance, noise))
+def _known_shape(members_deg: Array, sensor: Sensor, noise: Noise) -> EnsembleFilter:
+    return dataclasses.replace(
+        _known_density(members_deg, sensor, noise), zero_deviation_deg=_values(sensor)[1]
+    )
 
 
-def _families(members_deg: Array, variance: float, noise: Noise) -> FamilyFilter:
+def _particles(members_deg: Array, sensor: Sensor, noise: Noise) -> ParticleFilter:
+    return ParticleFilter(_known_density(members_deg, sensor, noise))
+
+
+def _families(members_deg: Array, sensor: Sensor, noise: Noise) -> FamilyFilter:
     from twin.signals.noise_density import family_densities
 
+    variance, _ = _values(sensor)
     linear = [EnsembleFilter(members_deg, variance, density) for density in family_densities(variance)]
     return FamilyFilter(tuple(map(ParticleFilter, linear)))
+
+
+def _values(sensor: Sensor) -> tuple[float, float]:
+    """Return R [deg^2] and the deviation of the zero [deg] that all filters of a group have."""
+    return float(np.ravel(sensor.variance)[0]), float(np.ravel(sensor.zero_deviation_deg)[0])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -366,8 +380,7 @@ class Ensembles:
 
     paths: tuple[Path, ...]  # files of ensembles, one for each command
     sample_time: float  # T of the cases, a multiple of that of the files [s]
-    # returns the filter of members, R and the noise, of which it uses what it may know; the limit's by
-    # default
+    # returns the filter of members, sensor and noise, of which it uses what it may know
     build: Build = _known_density
 
     def __call__(self, case: Case) -> Array:
@@ -381,8 +394,7 @@ class Ensembles:
         """
         found = np.empty((2, *case.measurement_deg.shape))
         for runs, members_deg in self._alike(case):
-            variance = float(np.atleast_1d(case.sensor.variance)[runs[0]])
-            filters = self.build(members_deg, variance, case.noises[runs[0]])
+            filters = self.build(members_deg, case.sensor.of_runs(np.array(runs)), case.noises[runs[0]])
             samples = members_deg.shape[1]
             estimate, half_width = filters.estimate_with_interval(
                 case.pull_mm[runs, :samples],
@@ -452,7 +464,13 @@ def _register(name: str, build: Build, noise_information: str = "R", needs_densi
 
 
 _register("Ensemble", _known_variance)
-_register("Ensemble with bias", _unknown_bias)
+_register("Ensemble with bias", _unknown_zero, "R, the size of the noise's mean")
 _register("Particles (families)", _families, "R, the families of the noise")
 _register("Ensemble (limit)", _known_density, "the density of the noise", needs_density=True)
+_register(
+    "Ensemble (limit, zero unknown)",
+    _known_shape,
+    "the shape of the noise, the size of its mean",
+    needs_density=True,
+)
 _register("Particles (limit)", _particles, "the density of the noise", needs_density=True)

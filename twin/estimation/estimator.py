@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
 from twin.estimation.soundness import is_sound
+from twin.preset.preset import ZERO_DEVIATION_DEG
 
 Array = NDArray[np.float64]
 State = TypeVar("State")
@@ -22,15 +23,24 @@ _PROGRESS_SAMPLES = 10
 
 @dataclasses.dataclass(frozen=True)
 class Sensor:
-    """Noise of the measurements, as far as an estimator knows it.
+    """Sensor, as far as an estimator knows it.
 
     Attributes:
-        variance: R, scalar or (B,) [deg^2].
+        variance: R of the noise, scalar or (B,) [deg^2].
+        zero_deviation_deg: standard deviation of the mean of its errors, scalar or (B,) [deg]. Zero means
+            calibrated: the noise has mean zero, whatever its shape. Otherwise the mean is unknown by that
+            much, and the physics alone can determine it.
         bound: largest magnitude of the noise, scalar or (B,); infinite where there is none [deg].
     """
 
     variance: ArrayLike
+    zero_deviation_deg: ArrayLike = ZERO_DEVIATION_DEG
     bound: ArrayLike = np.inf
+
+    def of_runs(self, runs: NDArray[np.intp]) -> "Sensor":
+        """Return the sensors of some runs of a batch."""
+        every = (self.variance, self.zero_deviation_deg, self.bound)
+        return Sensor(*(np.asarray(of)[runs] if np.ndim(of) else of for of in every))
 
 
 class Estimator(abc.ABC, Generic[State]):
@@ -48,6 +58,14 @@ class Estimator(abc.ABC, Generic[State]):
 
     def with_sensor(self, sensor: Sensor) -> Self:
         """Return the estimator that knows this much of the noise; itself, where it has no use for it."""
+        return self
+
+    def begun(self, from_rest: bool, initial_deviation_deg: float = np.inf) -> Self:
+        """Return the estimator for sessions that start from rest, or with an unknown history.
+
+        The standard deviation of the initial estimate is infinite where nothing is known of it [deg]. Here
+        itself: models of hysteresis have no history beyond the angle.
+        """
         return self
 
     def over(self, elapsed_s: float) -> Self:

@@ -5,7 +5,7 @@ from typing import Any
 
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
-from twin.estimation.estimator import Estimator
+from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
 from twin.estimation.registry import find_training
 from twin.hysteresis import HysteresisModel
@@ -14,12 +14,12 @@ from twin.preset.sensor import SensorModel
 SAME_S = 1e-9  # by which two sample times may differ
 
 
-def load_estimator(path: str | Path | TrainedFile) -> Estimator[Any]:
+def load_estimator(path: str | Path | TrainedFile, sensor: Sensor | None = None) -> Estimator[Any]:
     """Return a trained estimator of any kind, from its file: a policy, a network, a learned gain.
 
     The estimator knows the model and the sample time that it was trained with (`estimator.sample_time`); one
-    that was trained on twins runs at any, by `estimator.at(sample_time)`, and at 0.1 s without. `with_sensor`
-    gives it the noise of your sensor.
+    that was trained on twins runs at any, by `estimator.at(sample_time)`, and at 0.1 s without. It starts at
+    rest; `begun` tells otherwise. It must know your sensor, given here or by `with_sensor`.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -30,7 +30,8 @@ def load_estimator(path: str | Path | TrainedFile) -> Estimator[Any]:
         training = find_training(file.agent)
     except ValueError as error:
         raise InputError(f"{file.path}: {error}") from None
-    return training.load(file)
+    estimator: Estimator[Any] = training.load(file)
+    return estimator if sensor is None else estimator.with_sensor(sensor)
 
 
 def load_estimator_at(

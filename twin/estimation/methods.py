@@ -101,12 +101,12 @@ METHODS: dict[str, Presentation] = {
     "RAM (twins)": Presentation(
         "learned", in_paper_tables=True, leading=True, style=Style("#a3195b", "solid", "*", 1.6)
     ),
-    "RAM (twins), recogniser alone": Presentation("learned"),
     "RAM (twins), filter alone": Presentation("ensemble"),
     "Ensemble": Presentation("ensemble"),
     "Ensemble with bias": Presentation("ensemble", on_request=True),
     "Particles (families)": Presentation("ensemble", on_request=True),
     "Ensemble (limit)": Presentation("ensemble", is_limit=True),
+    "Ensemble (limit, zero unknown)": Presentation("ensemble", on_request=True),
     "Particles (limit)": Presentation("ensemble", on_request=True),
 }
 """Every method of the package, in the order of tables."""

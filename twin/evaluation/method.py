@@ -14,7 +14,8 @@ from twin.estimation.gaussian import DEVIATIONS_OF_95
 from twin.estimation.knowledge import Case, CaseEstimator, IntervalEstimator, Knowledge
 from twin.estimation.registry import MethodSpec
 from twin.evaluation.protocol import RECORDED, Condition, Protocol
-from twin.signals.noise import KINDS, draw_errors, noise_bound, noise_variance
+from twin.preset.preset import ZERO_DEVIATION_DEG
+from twin.signals.noise import KINDS, draw_errors, noise_bound, noise_mean, noise_variance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -54,7 +55,7 @@ def make_case(
         pull_mm=np.concatenate(pulls),
         measurement_deg=np.concatenate(measurements),
         initial_bend_deg=truth[:, 0] + protocol.initial_error_deg,
-        sensor=Sensor(of_each_run(_variance), of_each_run(_bound)),
+        sensor=Sensor(of_each_run(_variance), of_each_run(_zero_deviation), of_each_run(_bound)),
         noises=tuple(condition for condition in conditions for _ in range(protocol.seeds)) * len(records),
         truth_deg=truth,
     )
@@ -80,6 +81,11 @@ def _variance(kind: str, level: float) -> float:
     return level if kind == RECORDED else noise_variance(kind, level)
 
 
+def _zero_deviation(kind: str, level: float) -> float:
+    """Return what is told of a noise's mean [deg]: its size, as its variance is told; not its sign."""
+    return ZERO_DEVIATION_DEG if kind == RECORDED else abs(noise_mean(kind, level))
+
+
 def _bound(kind: str, level: float) -> float:
     return np.inf if kind == RECORDED else noise_bound(kind, level)
 
@@ -87,7 +93,7 @@ def _bound(kind: str, level: float) -> float:
 def runs_of(case: Case, chosen: Mask) -> Case:
     """Return the runs of a case in a mask (B,), without the truth."""
     runs = np.flatnonzero(chosen)
-    sensor = Sensor(*(np.asarray(of)[runs] for of in (case.sensor.variance, case.sensor.bound)))
+    sensor = case.sensor.of_runs(runs)
     return Case(
         case.pull_mm[runs],
         case.measurement_deg[runs],

@@ -55,6 +55,16 @@ class MembersFile(_Strict):
         Field(min_length=1, max_length=200),
     ]
     sheath: SheathFile | None = None  # where any moves
+    # turning points of the history of each, where it is unknown [mm]
+    turns_mm: (
+        Annotated[
+            list[
+                Annotated[list[Annotated[float, Field(ge=-1000, le=1000)]], Field(min_length=2, max_length=2)]
+            ],
+            Field(min_length=2, max_length=MOST_MEMBERS),
+        ]
+        | None
+    ) = None
 
 
 class TrainedDescription(_Strict):

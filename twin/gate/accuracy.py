@@ -198,10 +198,10 @@ def nis(material: GateMaterial) -> Check:
     records, _ = material.twins(material.ranges, rng, seconds=material.size.seconds, kinds=2, count=2)
     rows: list[dict[str, Any]] = []
     for noise in NIS_NOISES:
-        case = noisy(records, noise, 1, rng)
+        case = noisy(records, noise, 1, 0.0, rng)  # calibrated: an innovation has no zero in it
         variance = np.asarray(case.sensor.variance)
         squares = with_innovations(
-            estimator.with_sensor(Sensor(variance)),
+            estimator.with_sensor(Sensor(variance, 0.0)),
             case.pull_mm.T,
             case.measurement_deg.T,
             np.asarray(case.initial_bend_deg),

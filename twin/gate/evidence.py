@@ -32,7 +32,7 @@ from twin.preset.sensor import SensorModel
 from twin.reduced import simulate_batch
 from twin.reduced.members import check_members
 from twin.signals.excitation import SIGNALS, command
-from twin.signals.noise import draw_noise, noise_bound, noise_variance
+from twin.signals.noise import draw_noise, noise_bound, noise_mean, noise_variance
 from twin.signals.sensor import smoothed, smoothing_deviation
 
 Array = NDArray[np.float64]
@@ -141,7 +141,7 @@ class GateMaterial:
         seed = int(rng.integers(2**31))
         model, _ = identify_coleman_hodgdon(records, seed, population=POPULATION, generations=GENERATIONS)
         short = [of.part(0, max(round(TUNING_SECONDS / T), 20)) for of in drawn]
-        case = joined_cases([noisy(short, noise, 1, rng) for noise in NOISES])
+        case = joined_cases([noisy(short, noise, 1, self.sensor.zero_deviation_deg, rng) for noise in NOISES])
         first = ActiveModel(model, T, (0.1, 0.1), case.sensor.variance)
         return tune_active_model(first, case.pull_mm, case.measurement_deg, case.initial_bend_deg)
 
@@ -170,7 +170,11 @@ class GateMaterial:
         records, left_out = self.twins(ranges, rng, seconds=size.seconds, kinds=size.kinds, count=size.twins)
         self.on_progress(0.05)
         units = [record.stroke_mm for record in records for _ in range(size.twins)]
-        return [noisy(records, noise, size.draws, rng) for noise in NOISES], units, left_out
+        return (
+            [noisy(records, noise, size.draws, self.sensor.zero_deviation_deg, rng) for noise in NOISES],
+            units,
+            left_out,
+        )
 
     def _compared(self, cases: list[Case], units: list[Any], left_out: int) -> list[PairedTrial]:
         rival = self.rival
@@ -198,7 +202,10 @@ class GateMaterial:
         known = [np.isfinite(log.reference_deg) for log in self.logs]
         seen = np.array([np.pad(of, (0, longest - len(of))) for of in known])
         scored = np.repeat(seen, self.size.log_draws, axis=0)
-        cases = [noisy(records, noise, self.size.log_draws, rng) for noise in NOISES]
+        cases = [
+            noisy(records, noise, self.size.log_draws, self.sensor.zero_deviation_deg, rng)
+            for noise in NOISES
+        ]
         cases = [
             dataclasses.replace(case, measurement_deg=np.where(scored, case.measurement_deg, np.nan))
             for case in cases
@@ -267,25 +274,33 @@ def simulate_twins(
 
 
 def noisy(
-    records: Sequence[Record], condition: tuple[str, float], draws: int, rng: np.random.Generator
+    records: Sequence[Record],
+    condition: tuple[str, float],
+    draws: int,
+    zero_deviation_deg: float,
+    rng: np.random.Generator,
 ) -> Case:
     """Return the runs of records of equal length under one noise, ordered by record, twin and draw.
 
-    The truth is included.
+    The sensor is as it is declared: the noise has mean zero, and each run a zero of its own, known to within
+    its deviation. The truth is included.
     """
     kind, level = condition
     truth = np.concatenate([np.repeat(record.truth_deg, draws, axis=0) for record in records])
     pull = np.concatenate(
         [np.repeat(record.pull_mm, len(record.truth_deg) * draws, axis=0) for record in records]
     )
-    measured = truth + draw_noise(kind, level, truth.shape, rng)
+    zero = zero_deviation_deg * rng.standard_normal((len(truth), 1))
+    measured = truth + draw_noise(kind, level, truth.shape, rng) - noise_mean(kind, level) + zero
     off = rng.uniform(-INITIAL_ERROR_DEG, INITIAL_ERROR_DEG, len(truth))
     return Case(
         pull_mm=pull,
         measurement_deg=measured,
         initial_bend_deg=truth[:, 0] + off,
         sensor=Sensor(
-            np.full(len(truth), noise_variance(kind, level)), np.full(len(truth), noise_bound(kind, level))
+            np.full(len(truth), noise_variance(kind, level)),
+            np.full(len(truth), zero_deviation_deg),
+            np.full(len(truth), noise_bound(kind, level)),
         ),
         noises=(condition,) * len(truth),
         truth_deg=truth,

@@ -155,7 +155,7 @@ def bounds_by_construction(graph: Any) -> list[dict[str, Any]]:
     """Return the bounds that the operators of a graph set, by what they bound.
 
     An action of PPO is bounded by a Clip to [-1, 1], the output of a policy by its reach times a Tanh, and a
-    gain by a Sigmoid of (log of a ratio + output of the policy).
+    gain by a Sigmoid of the log of a ratio, to which the output of a policy may be added.
     """
     from onnx import numpy_helper
 
@@ -182,7 +182,9 @@ def bounds_by_construction(graph: Any) -> list[dict[str, Any]]:
             reach = float(np.abs(constants[REACH]).max())
             bounded = any(made_by(name, "Tanh") for name in node.input)
             rows.append(_bound("output of the policy, in logarithms", -reach, reach, bounded=bounded))
-        elif node.op_type == "Sigmoid" and any(made_by(of, "Log") for of in inputs_of(node.input[0])):
+        elif node.op_type == "Sigmoid" and any(
+            made_by(of, "Log") for of in (node.input[0], *inputs_of(node.input[0]))
+        ):
             rows.append(_bound("total gain", 0.0, 1.0))
     return rows
 

@@ -13,6 +13,7 @@ from twin.estimation.estimator import Sensor
 from twin.gate.check import SAFETY, Check, declare, none_of
 from twin.gate.evidence import OTHER_STREAMS, RIVAL, GateMaterial
 from twin.live import Alarm, AssuredEstimator, load_runtime, prepare_runtime
+from twin.live.assured import REST
 from twin.live.online import OnlineEstimator
 from twin.live.reading import flag_names
 from twin.preset.sensor import SensorModel
@@ -87,6 +88,9 @@ def _variance(material: GateMaterial) -> float:
     return material.sensor.variance_deg2 or VARIANCE
 
 
+_CALIBRATED = SensorModel(zero_deviation_deg=0.0)  # of simulated streams, as the rival takes it
+
+
 @declare("a number under faults", SAFETY, 12)
 def no_nan(material: GateMaterial) -> Check:
     """No fault of a stream makes an estimate that is not a number."""
@@ -157,7 +161,9 @@ def _fault_rows(material: GateMaterial) -> list[dict[str, Any]]:
         bend = record.truth_deg[0]
         measured = bend + math.sqrt(variance) * rng.standard_normal(len(bend))
         streams.append((record.pull_mm[0], bend, measured, float(bend[0] + rng.uniform(-10, 10))))
-    begun = prepare_runtime(material.file, sample_time=T, noise_variance=variance, sensor=SensorModel())
+    begun = prepare_runtime(
+        material.file, sample_time=T, noise_variance=variance, sensor=_CALIBRATED, start=REST
+    )
     rows = []
     for number, fault in enumerate(FAULTS):
         found = [_run(material, begun, fault, *stream) for stream in streams[:_TWINS]]
@@ -236,7 +242,8 @@ def latency(material: GateMaterial) -> Check:
         sample_time=T,
         noise_variance=variance,
         initial_bend_deg=float(bend[0]),
-        sensor=SensorModel(),
+        sensor=_CALIBRATED,
+        start=REST,
     )
     clock, processor = [], []
     for k, sample in enumerate(zip(pull.tolist(), measured.tolist(), strict=True)):

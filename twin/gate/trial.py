@@ -86,7 +86,11 @@ def joined_cases(cases: Sequence[Case]) -> Case:
         pull_mm=joined(lambda case: case.pull_mm),
         measurement_deg=joined(lambda case: case.measurement_deg),
         initial_bend_deg=joined(lambda case: case.initial_bend_deg),
-        sensor=Sensor(joined(lambda case: case.sensor.variance), joined(lambda case: case.sensor.bound)),
+        sensor=Sensor(
+            joined(lambda case: case.sensor.variance),
+            joined(lambda case: case.sensor.zero_deviation_deg),
+            joined(lambda case: case.sensor.bound),
+        ),
         noises=tuple(noise for case in cases for noise in case.noises),
         truth_deg=joined(lambda case: case.truth_deg),
     )

@@ -248,6 +248,10 @@ class AssuredEstimator:
         return moved, max(wider, 0.0)
 
 
+REST, UNKNOWN = STARTS = ("rest", "unknown")
+"""What is known of a session's history when it starts: nothing moved before, or it may have."""
+
+
 def load_runtime(
     path: str | Path,
     *,
@@ -256,19 +260,28 @@ def load_runtime(
     initial_bend_deg: float = 0.0,
     limits: StreamLimits | None = None,
     sensor: SensorModel | None = None,
+    start: str = UNKNOWN,
+    initial_deviation_deg: float = math.inf,
 ) -> AssuredEstimator:
     """Return the runtime of a trained file, ready for the first sample.
 
     The sample time T [s] is that of `load_estimator_at`, if not given; the sensor that measurements are
     corrected for, and the variance R of its noise [deg^2], are those of the trained file. Samples beyond the
-    limits are refused.
+    limits are refused. A session starts at `REST`, or with an `UNKNOWN` history. The initial estimate is used
+    as far as its standard deviation tells, by an estimator that can.
 
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: it is damaged, not a file that training wrote, or cannot run at this sample time.
     """
     prepared = prepare_runtime(
-        path, sample_time=sample_time, noise_variance=noise_variance, limits=limits, sensor=sensor
+        path,
+        sample_time=sample_time,
+        noise_variance=noise_variance,
+        limits=limits,
+        sensor=sensor,
+        start=start,
+        initial_deviation_deg=initial_deviation_deg,
     )
     return prepared(initial_bend_deg)
 
@@ -280,6 +293,8 @@ def prepare_runtime(
     noise_variance: float | None = None,
     limits: StreamLimits | None = None,
     sensor: SensorModel | None = None,
+    start: str = UNKNOWN,
+    initial_deviation_deg: float = math.inf,
 ) -> Callable[[float], AssuredEstimator]:
     """Read a trained file once for many streams: the function from an initial estimate to a runtime."""
     file = path if isinstance(path, TrainedFile) else read_trained_file(Path(path))
@@ -291,8 +306,13 @@ def prepare_runtime(
         of_training = float(np.asarray(deployment.fallback.measurement_variance))
         noise_variance = sensor.variance_deg2 or of_training
     noise_variance = _positive("noise_variance", noise_variance) / sensor.scale**2
+    if start not in STARTS:
+        raise InputError(f"start = {start!r}: valid are {', '.join(STARTS)}")
+    if not initial_deviation_deg > 0:
+        raise InputError(f"initial_deviation_deg = {initial_deviation_deg:g}: must be positive")
     estimator, T = load_estimator_at(file, sample_time, sensor)
-    advanced = estimator.with_sensor(Sensor(noise_variance))
+    estimator = estimator.begun(start == REST, initial_deviation_deg)
+    advanced = estimator.with_sensor(Sensor(noise_variance, sensor.zero_deviation_deg / sensor.scale))
     method = next(spec.name for spec in method_specs() if spec.training and spec.training.agent == file.agent)
     fallback = deployment.fallback_at(T, noise_variance)
     return functools.partial(

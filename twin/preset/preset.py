@@ -16,6 +16,10 @@ def _within(default: float, low: float, high: float) -> Any:
     return dataclasses.field(default=default, metadata={"low": low, "high": high})
 
 
+ZERO_DEVIATION_DEG = 2.0
+"""Of a sensor's zero that nobody calibrated [deg]. Too large costs accuracy, too small the interval."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Preset:
     """Tendon-driven endoscope: one or two bending planes with two antagonistic wires each. SI units.
@@ -79,7 +83,8 @@ class Preset:
 
     # The sensor of the bending angle: it reads scale * angle + zero.
     sensor_zero: float = _within(0.0, -math.pi, math.pi)  # reading where the section is straight [rad]
-    sensor_zero_deviation: float = _within(0.0, 0.0, math.pi)  # standard deviation of what is known of it
+    # standard deviation of what is known of the zero [rad]; 0: calibrated
+    sensor_zero_deviation: float = _within(math.radians(ZERO_DEVIATION_DEG), 0.0, math.pi)
     sensor_scale: float = _within(1.0, 0.1, 10.0)  # reading per angle [-]
     sensor_period: float = _within(0.0, 0.0, 10.0)  # between two readings [s]; 0 reads every sample
     sensor_latency: float = _within(0.0, 0.0, 10.0)  # from the measurement of a reading to its arrival [s]

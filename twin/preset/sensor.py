@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.files.shown import shown
-from twin.preset.preset import Preset, suggestion
+from twin.preset.preset import ZERO_DEVIATION_DEG, Preset, suggestion
 
 Array = NDArray[np.float64]
 AnyFloat = TypeVar("AnyFloat", float, Array)
@@ -31,7 +31,8 @@ class SensorModel:
 
     variance_deg2: float = 0.0  # R of the noise [deg^2]; 0: not known
     zero_deg: float = 0.0  # reading where the section is straight [deg]
-    zero_deviation_deg: float = 0.0  # standard deviation of what is known of it [deg]; 0: calibrated
+    # standard deviation of what is known of the zero [deg]; 0: calibrated
+    zero_deviation_deg: float = ZERO_DEVIATION_DEG
     scale: float = 1.0  # reading per angle [-]
     lag_s: float = 0.0  # age of a reading when it arrives [s]
     rate_hz: float = 0.0  # readings per second; 0: one for each sample

@@ -17,9 +17,11 @@ from twin.preset.preset import Preset, parameter_limits
 from twin.preset.randomization import NEVER_DRAWN
 from twin.reduced.parameters import ReducedState, refuse_gravity
 from twin.reduced.twins import ReducedTwins
-from twin.signals.excitation import approach
+from twin.signals.excitation import approach, paths_to
 
 Array = NDArray[np.float64]
+TURNS = 2  # that a history has: those before them matter little
+SMALLEST_HISTORY = 0.2  # width of a history, as a share of the stroke
 LEAST_PERIOD_S = 1e-3  # control period of members: a shorter one would hold every sample up
 
 
@@ -30,13 +32,14 @@ class MemberSet(NamedTuple):
     other: Array  # (M,) bend of the sheath at the other end [rad]
     period: Array  # (M,) time there and back [s]
     phase: Array  # (M,) share of the period that has gone at the start
+    turns_mm: Array  # (M, K) pulls at which each turned before a start of unknown history [mm]
 
     @classmethod
     def still(cls, presets: Sequence[Preset]) -> Self:
         """Return twins in sheaths that stay as they are."""
         count = len(presets)
         own = np.array([preset.sheath_bend for preset in presets])
-        return cls(tuple(presets), own, np.ones(count), np.zeros(count))
+        return cls(tuple(presets), own, np.ones(count), np.zeros(count), np.zeros((count, TURNS)))
 
     @property
     def moves(self) -> bool:
@@ -65,6 +68,14 @@ class MemberSet(NamedTuple):
         return [preset.replace(sheath_bend=bend) for preset, bend in pairs]
 
 
+def draw_turns(stroke_mm: tuple[float, float], count: int, rng: np.random.Generator) -> Array:
+    """Draw turning points (count, TURNS) of histories within a stroke, of large and small ones [mm]."""
+    low, high = stroke_mm
+    size = np.exp(rng.uniform(np.log(SMALLEST_HISTORY), 0.0, (count, 1)))
+    turns: Array = (low + high) / 2 + size * rng.uniform(-0.5, 0.5, (count, TURNS)) * (high - low)
+    return turns
+
+
 NO_MEMBERS = MemberSet.still(())
 
 
@@ -76,6 +87,8 @@ def members_to_dict(members: MemberSet) -> dict[str, Any]:
         "preset": {name: value for name, value in values[0].items() if name not in varied},
         "drawn": {name: [of[name] for of in values] for name in varied},
     }
+    if members.turns_mm.any():
+        held["turns_mm"] = members.turns_mm.tolist()
     if members.moves:
         held["sheath"] = {name: getattr(members, name).tolist() for name in ("other", "period", "phase")}
     return held
@@ -92,7 +105,8 @@ def members_from_dict(values: Any) -> MemberSet:
         raise InputError(f"members = {shown(values)}: must be their preset and what differs")
     file = validated(MembersFile, values)
     course = [] if file.sheath is None else [file.sheath.other, file.sheath.period, file.sheath.phase]
-    counts = {len(of) for of in (*file.drawn.values(), *course)}
+    histories = [] if file.turns_mm is None else [file.turns_mm]
+    counts = {*map(len, file.drawn.values()), *map(len, course), *map(len, histories)}
     if len(counts) != 1:
         raise InputError(f"members: must be from 2 to {MOST_MEMBERS}, each with a value of all that differs")
     if fixed := [name for name in file.drawn if name in NEVER_DRAWN]:
@@ -103,12 +117,16 @@ def members_from_dict(values: Any) -> MemberSet:
         for number in range(counts.pop())
     )
     check_members(presets)
+    found = MemberSet.still(presets)
+    if file.turns_mm is not None:
+        found = found._replace(turns_mm=np.array(file.turns_mm, float))
     if file.sheath is None:
-        return MemberSet.still(presets)
+        return found
     least, most = parameter_limits("sheath_bend")
     if not all(least <= bend <= most for bend in file.sheath.other):
         raise InputError(f"members: bends of their sheaths must be within [{least:g}, {most:g}] rad")
-    return MemberSet(presets, *(np.array(of, float) for of in course))
+    other, period, phase = (np.array(of, float) for of in course)
+    return found._replace(other=other, period=period, phase=phase)
 
 
 def check_members(presets: Sequence[Preset]) -> None:
@@ -146,13 +164,21 @@ class Members:
         self._zero_mm = members.presets[0].command_zeros[0] * 1e3
         self._at_rest = self._twins.save_state()
 
-    def start(self, pull_mm: Array) -> Following:
-        """Return the members of B filters at their first pull (B,) [mm], to which they go from rest."""
+    def start(self, pull_mm: Array, *, from_rest: bool = True) -> Following:
+        """Return the members of B filters at their first pull (B,) [mm].
+
+        They go there from rest, or each by way of its own turning points.
+        """
         pulls, command = np.unique(pull_mm, return_inverse=True)
+        turns = self._members.turns_mm * 1e-3
         states, bends = [], []
         for pull in pulls:
             self._twins.restore_state(self._at_rest)
-            for on_the_way in approach((pull - self._zero_mm) * 1e-3, self.sample_time):
+            there = (pull - self._zero_mm) * 1e-3
+            path = approach(there, self.sample_time)[:, None]
+            if not from_rest:
+                path = paths_to(turns, np.full(len(turns), there), self.sample_time).T
+            for on_the_way in path:
                 self._twins.step(on_the_way + self._zero_mm * 1e-3)
             states.append(self._twins.save_state())
             bends.append(np.degrees(self._twins.bend()))

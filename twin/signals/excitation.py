@@ -45,6 +45,20 @@ def approach(start: float, sample_time: float, speed: float = 2e-3) -> Array:
     return np.concatenate([ramp, np.full(round(SETTLE_SECONDS / sample_time), start)])
 
 
+def paths_to(turns: Array, pull: Array, sample_time: float, speed: float = 4e-3) -> Array:
+    """Return paths (M, N) [m] from the straight endoscope by way of turning points (M, K) to pulls (M,) [m].
+
+    They are as long as the longest needs at a mean `speed` [m / s], and have a smooth (cosine) profile.
+    """
+    ends = np.column_stack([np.zeros(len(turns)), turns, pull])
+    legs = []
+    for begin, end in zip(ends.T[:-1], ends.T[1:], strict=True):
+        count = max(int(np.ceil(np.abs(end - begin).max() / speed / sample_time)), 1)
+        share = (1 - np.cos(np.pi * np.arange(1, count + 1) / count)) / 2
+        legs.append(begin[:, None] + (end - begin)[:, None] * share)
+    return np.concatenate(legs, axis=1)
+
+
 def check_finite(pull: Array) -> None:
     """Check that every sample of a command is finite."""
     bad = np.flatnonzero(~np.isfinite(pull))

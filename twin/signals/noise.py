@@ -28,6 +28,7 @@ class _Kind:
 
     draw: Callable[[float, tuple[int, ...], np.random.Generator], Array]  # of a level and a shape [deg]
     variance: Callable[[float], float]  # [deg^2]
+    mean: Callable[[float], float] = lambda level: 0.0  # [deg]
     bound: Callable[[float], float] = lambda level: np.inf  # largest magnitude [deg]
     information: Callable[[float], float | None] = lambda level: None  # [1 / deg^2]; None: not finite
 
@@ -67,6 +68,11 @@ def draw_errors(
 def noise_variance(kind: str, level: float) -> float:
     """Return the variance of a noise [deg^2]: the R of a Kalman filter."""
     return SENSORS[kind].variance(level) if kind in SENSORS else _known(kind).variance(level)
+
+
+def noise_mean(kind: str, level: float) -> float:
+    """Return the mean of a noise [deg]; zero for the errors of a sensor."""
+    return 0.0 if kind in SENSORS else _known(kind).mean(level)
 
 
 def noise_bound(kind: str, level: float) -> float:
@@ -128,8 +134,8 @@ def _salt_and_pepper_information(level: float) -> float:
 
 NOISES: dict[str, _Kind] = {
     "gaussian": _Kind(_gaussian, float, information=lambda level: 1 / level),
-    "poisson": _Kind(lambda level, shape, rng: rng.poisson(level, shape).astype(float), float),
-    "poisson-dithered": _Kind(_dithered_poisson, lambda level: level + DITHER_DEG2),
+    "poisson": _Kind(lambda level, shape, rng: rng.poisson(level, shape).astype(float), float, mean=float),
+    "poisson-dithered": _Kind(_dithered_poisson, lambda level: level + DITHER_DEG2, mean=float),
     "laplace": _Kind(
         lambda level, shape, rng: rng.laplace(0.0, np.sqrt(level / 2), shape),
         float,
@@ -151,7 +157,9 @@ NOISES: dict[str, _Kind] = {
         information=_salt_and_pepper_information,
     ),
     "gamma": _Kind(
-        lambda level, shape, rng: rng.gamma(GAMMA_SHAPE, np.sqrt(level / GAMMA_SHAPE), shape), float
+        lambda level, shape, rng: rng.gamma(GAMMA_SHAPE, np.sqrt(level / GAMMA_SHAPE), shape),
+        float,
+        mean=lambda level: float(np.sqrt(GAMMA_SHAPE * level)),
     ),
 }
 """Kinds of noise by name. The order is fixed: streams of random numbers are named by the place."""

@@ -191,7 +191,7 @@ def ram_twins_pi(knowledge: ControlKnowledge, settings: Mapping[str, float]) -> 
     """Return linear map and PI on the estimate of RAM (twins), without an inverse."""
     file = read_trained_file(knowledge.trained("policy"), ram_twins.AGENT)
     estimator = ram_twins.load(file).at(knowledge.sample_time)
-    estimator = estimator.with_sensor(Sensor(knowledge.noise_variance))
+    estimator = estimator.with_sensor(Sensor(knowledge.noise_variance, 0.0))  # its zero is corrected before
     make_estimator = functools.partial(OnlineEstimator, estimator, knowledge.sample_time)
     return EstimateFeedback(knowledge, make_estimator, settings)
 

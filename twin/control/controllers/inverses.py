@@ -17,7 +17,7 @@ from twin.control.controller import (
 )
 from twin.control.controllers.feedback import ACTIVE_MODEL_PI, PI_SETTINGS
 from twin.estimation.registry import Style
-from twin.live.assured import AssuredEstimator, prepare_runtime
+from twin.live.assured import REST, AssuredEstimator, prepare_runtime
 from twin.preset.sensor import SensorModel
 from twin.reduced.members import Following, Members, MemberSet
 from twin.signals.sensor import samples_late
@@ -105,7 +105,9 @@ class MembersInverse(Controller):
             trained,
             noise_variance=variance,
             sample_time=self.sample_time,
-            sensor=SensorModel(lag_s=lag_s),  # zero and scale are corrected before
+            # Zero and scale are corrected before; trials begin at rest.
+            sensor=SensorModel(lag_s=lag_s, zero_deviation_deg=0.0),
+            start=REST,
         )
         self._gains = tuned(PI_SETTINGS, knowledge.settings.get(ACTIVE_MODEL_PI.name, {}))
         self._settings, self._line = settings, knowledge.line

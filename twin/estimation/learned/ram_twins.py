@@ -4,7 +4,9 @@ The M twins of the trained file follow the command; the complete step of filters
 is the graph of the file, the very one that was trained (`rl/twins/step.py` says what it does). No MuJoCo, no
 torch.
 
-The initial estimate is not used: where an endoscope stands is known better from its command.
+A session starts from rest, or with an unknown history: then the members come to the first pull each by a path
+of its own, and the measurements tell which of them are like the endoscope. The initial estimate is used where
+its standard deviation is given.
 """
 
 import dataclasses
@@ -22,6 +24,7 @@ from twin.estimation.learned.step import (
     FILTER_ALONE,
     UNKNOWN_DEG,
     LearnedStep,
+    Memory,
     StepState,
     step_network,
 )
@@ -35,8 +38,8 @@ if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs
 Array = NDArray[np.float64]
 AGENT = "ram-twins"
 STATE = ("mean", "covariance", "counts", "samples", "statistics", "rows", "rows_covariance", "evidence")
+FIRST_ERROR_DEG2 = 0.02  # variance of d before anything is measured
 FARTHEST_DEG = 180.0  # of a measurement from the twins
-RECOGNISER_ALONE = (0.0, 1.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +47,9 @@ class RamTwins(LearnedStep):
     """A trained step and the twins that it predicts by."""
 
     twins: "MemberSet" = dataclasses.field(kw_only=True)  # that follow the command
+    from_rest: bool = dataclasses.field(default=True, kw_only=True)  # whether a session starts at rest
+    # standard deviation of the initial estimate [deg]; infinite: nothing is known of it
+    initial_deviation_deg: float = dataclasses.field(default=np.inf, kw_only=True)
 
     def at(self, sample_time: float) -> Self:
         """Return the estimator for another T [s]."""
@@ -55,11 +61,42 @@ class RamTwins(LearnedStep):
         vars(other)["members"] = self.members
         return other
 
+    def begun(self, from_rest: bool, initial_deviation_deg: float = np.inf) -> Self:
+        """Return the estimator for sessions that start from rest, or with an unknown history."""
+        return dataclasses.replace(self, from_rest=from_rest, initial_deviation_deg=initial_deviation_deg)
+
     def start(self, pull_mm: Array, bend_deg: Array) -> StepState:
-        """Return the state at the first sample; the initial estimate is returned there and not used."""
+        """Return the state at the first sample."""
         batch = len(pull_mm)
         memory = self.network.start(batch)
-        return StepState(memory, self.members.start(pull_mm), bend_deg.copy(), np.full(batch, UNKNOWN_DEG))
+        following = self.members.start(pull_mm, from_rest=self.from_rest)
+        if np.isfinite(self.initial_deviation_deg):
+            memory = self._measured_first(memory, following.of_filters(), bend_deg)
+        return StepState(memory, following, bend_deg.copy(), np.full(batch, UNKNOWN_DEG))
+
+    def _measured_first(self, memory: Memory, members_deg: Array, bend_deg: Array) -> Memory:
+        """Return the first state after the initial estimate, which is one measurement of the angle."""
+        batch = len(members_deg)
+        arrays = dict(zip(self.network.state, (of.copy() for of in memory), strict=True))
+        middle = members_deg.mean(axis=1)
+        angle = np.concatenate(
+            [
+                (members_deg - middle[:, None]) @ MemberWeights(self).directions,
+                np.repeat([[1.0, 0.0]], batch, axis=0),  # of d and b
+            ],
+            axis=1,
+        )
+        first = np.ones_like(angle)
+        first[:, -2] = FIRST_ERROR_DEG2
+        first[:, -1] = np.broadcast_to(np.asarray(self.zero_deviation_deg, float) ** 2, batch)
+        towards = first * angle
+        variance = (angle * towards).sum(axis=1) + self.initial_deviation_deg**2
+        moved = towards * ((bend_deg - middle) / variance)[:, None]
+        covariance = first[:, :, None] * np.eye(first.shape[1])
+        covariance = covariance - towards[:, :, None] * towards[:, None, :] / variance[:, None, None]
+        arrays["mean"][:], arrays["rows"][:] = moved, moved[:, None]
+        arrays["covariance"][:] = arrays["rows_covariance"][:] = covariance
+        return tuple(arrays.values())
 
     def resume(self, trusted: StepState, pull_mm: Array, bend_deg: Array) -> StepState:
         """Return the state of a stream that starts again: d takes what it is off by, all else stays."""
@@ -71,15 +108,15 @@ class RamTwins(LearnedStep):
         off = off * begun
         memory["mean"][:, -2] += off  # c, d and b
         memory["covariance"][:, -2, -2] += off**2
-        memory["rows"][:, :, -1] += off[:, None]  # c and d
-        memory["rows_covariance"][:, -1, -1] += off**2
+        memory["rows"][:, :, -2] += off[:, None]
+        memory["rows_covariance"][:, -2, -2] += off**2
         return StepState(tuple(memory.values()), following, bend_deg.copy(), trusted.half_width_deg)
 
     def model_error_deg(self, state: StepState) -> tuple[float, float]:
         """Return the d of a state of one filter, by the likelihood of its noise models, and its deviation."""
         rows, evidence, covariance = (np.asarray(state.memory[place][0], float) for place in _OF_BANK)
         likely = np.exp(evidence - evidence.max())
-        return float(likely @ rows[:, -1] / likely.sum()), float(np.sqrt(max(covariance[-1, -1], 0.0)))
+        return float(likely @ rows[:, -2] / likely.sum()), float(np.sqrt(max(covariance[-2, -2], 0.0)))
 
     def follow(
         self, following: "Following", pull_mm: Array, previous_pull_mm: Array
@@ -129,13 +166,13 @@ class MemberWeights:
 
     def __init__(self, estimator: RamTwins) -> None:
         models, size = estimator.network.state["rows"]
-        members, directions = len(estimator.twins.presets), size - 1  # the last number is d
+        members, directions = len(estimator.twins.presets), size - 2  # the last numbers are d and b
         coefficients = np.tile(np.eye(directions, size), (members, 1))
         one = np.repeat(np.eye(members), directions, axis=0)
         answers = _predicted(estimator, np.repeat(coefficients[:, None], models, axis=1), one)
         self.directions: Array = answers.reshape(members, directions) - 1 / members  # (M, r) D, centred
         of_error = np.zeros((models, models, size))
-        of_error[range(models), range(models), -1] = 1.0
+        of_error[range(models), range(models), -2] = 1.0
         self.log_prior: Array = np.log(_predicted(estimator, of_error, np.zeros((models, members))))  # (J,)
 
     def of(self, state: StepState) -> Array:
@@ -143,7 +180,7 @@ class MemberWeights:
         rows, evidence = (np.asarray(state.memory[place][0], float) for place in (_ROWS, _EVIDENCE))
         log_posterior = self.log_prior + evidence
         likely = np.exp(log_posterior - log_posterior.max())
-        coefficients = likely @ rows[:, :-1] / likely.sum()
+        coefficients = likely @ rows[:, :-2] / likely.sum()
         weights: Array = 1 / len(self.directions) + self.directions @ coefficients
         return weights
 
@@ -188,13 +225,16 @@ def _build(known: Knowledge, parts: tuple[float, float] = ALL_PARTS) -> RamTwins
     return dataclasses.replace(estimator, sample_time=known.sample_time, parts=parts)
 
 
+KNOWN = "R, the size of the noise's mean, a start at rest"
 TRAINING = Training(
     AGENT, POLICY_FILE, load, "RAM on twins that follow the command, trained on simulated ones", on_twins=True
 )
-RAM_TWINS = register_method(MethodSpec("RAM (twins)", _build, "R", training=TRAINING))
-for _name, _parts in {"recogniser": RECOGNISER_ALONE, "filter": FILTER_ALONE}.items():
-    register_method(
-        MethodSpec(
-            f"RAM (twins), {_name} alone", functools.partial(_build, parts=_parts), "R", trained_as=AGENT
-        )
+RAM_TWINS = register_method(MethodSpec("RAM (twins)", _build, KNOWN, training=TRAINING))
+register_method(
+    MethodSpec(
+        "RAM (twins), filter alone",
+        functools.partial(_build, parts=FILTER_ALONE),
+        KNOWN,
+        trained_as=AGENT,
     )
+)

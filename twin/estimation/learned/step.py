@@ -21,6 +21,7 @@ from twin.estimation.learned.reference import ESTIMATE, PREVIOUS, after
 from twin.estimation.learned.trained_file import PRECISIONS, BoundFile, TrainedFile, check_network
 from twin.files.shown import shown
 from twin.hysteresis import ColemanHodgdon, HysteresisModel, model_from_dict
+from twin.preset.preset import ZERO_DEVIATION_DEG
 
 Array = NDArray[np.float64]
 Memory = tuple[NDArray[Any], ...]  # arrays of the state of B filters, (B, ...) each
@@ -32,11 +33,12 @@ PARTS, START = "parts", "start"
 """Input that says which parts act; key of the numbers of a state that are not zero at the start."""
 ALL_PARTS, FILTER_ALONE = (1.0, 1.0), (0.0, 0.0)
 """Parts of a graph that act, 1 or 0: the policy, and the noise classifier where there is one."""
-_MEASURED = ("measurement_deg", "reference_deg", "variance", "sample_time")
+_MEASURED = ("measurement_deg", "reference_deg", "variance", "zero_deviation_deg", "sample_time")
 INPUTS: dict[str, tuple[int, ...]] = dict.fromkeys(("keep", "drive_deg", "increment_mm", *_MEASURED), ())
 """Inputs that a graph may take, with their shape for one filter: a step keep theta + drive of the model of
 hysteresis, the increment of the pull, the measurement, the angle that a residual refers to (the measurement,
-but the truth in an oracle run), R and T. It may also take `parts`, which all filters share."""
+but the truth in an oracle run), R, the deviation of the sensor's zero and T. It may also take `parts`, which
+all filters share."""
 _BATCH = 2  # filters that a graph is tried on when it is read
 _LARGEST_STATE = 4096
 
@@ -121,13 +123,17 @@ class LearnedStep(Estimator[StepState]):
     network: StepNetwork  # graph of the trained file
     model: HysteresisModel | None  # of hysteresis, affine in the angle; None where the graph uses none
     sample_time: float = SAMPLE_TIME  # T [s]
-    measurement_variance: ArrayLike = 0.1  # R, one for all or (B,) [deg^2]
+    measurement_variance: ArrayLike | None = None  # R, one for all or (B,) [deg^2]; None until it is given
+    # standard deviation of the sensor's zero, one for all or (B,) [deg]
+    zero_deviation_deg: ArrayLike = ZERO_DEVIATION_DEG
     parts: tuple[float, float] = ALL_PARTS  # which parts act
     trained_at: float | None = None  # the only T that it runs at; None if it runs at any [s]
 
     def with_sensor(self, sensor: Sensor) -> Self:
-        """Return the estimator that takes the sensor's variance as R."""
-        return dataclasses.replace(self, measurement_variance=sensor.variance)
+        """Return the estimator that takes the sensor's variance as R, and knows its zero that well."""
+        return dataclasses.replace(
+            self, measurement_variance=sensor.variance, zero_deviation_deg=sensor.zero_deviation_deg
+        )
 
     def at(self, sample_time: float) -> Self:
         """Return the estimator for another T [s]; raises `ValueError` if it was trained for one alone."""
@@ -147,11 +153,17 @@ class LearnedStep(Estimator[StepState]):
         return {}
 
     def constants(self, batch: int) -> dict[str, Array]:
-        """Return R and T of B filters, and which parts act."""
+        """Return what B filters know of their sensors, T, and which parts act."""
+        given = self.measurement_variance
+        if given is None and "variance" in self.network.inputs:
+            raise InputError("the sensor is not known: give it, `with_sensor(twin.Sensor(variance=...))`")
         if batch not in self._constants:
-            variance = np.maximum(np.asarray(self.measurement_variance, dtype=float), LEAST_VARIANCE)
+            variance = np.maximum(np.asarray(1.0 if given is None else given, dtype=float), LEAST_VARIANCE)
             self._constants[batch] = {
                 "variance": np.array(np.broadcast_to(variance, batch)),
+                "zero_deviation_deg": np.array(
+                    np.broadcast_to(np.asarray(self.zero_deviation_deg, float), batch)
+                ),
                 "sample_time": np.full(batch, self.sample_time),
                 PARTS: np.array(self.parts),
             }
@@ -287,7 +299,7 @@ def load_step(file: TrainedFile, kind: type[AnyStep]) -> AnyStep:
         if "active_model" in file.description:
             of = ActiveModel.from_dict(file.description["active_model"])
             check_affine(of.model)
-            return kind(network, of.model, of.sample_time, of.measurement_variance, trained_at=of.sample_time)
+            return kind(network, of.model, of.sample_time, trained_at=of.sample_time)
         model = model_from_dict(file.description.get("model", {})) if "keep" in network.inputs else None
         return kind(network, model)
     except ValueError as error:
