@@ -22,7 +22,7 @@ FEWEST, MOST = 5, 500
 """Least and largest number of samples that must agree before they are accepted, at any sample time."""
 OFFSET_SHARE = 1.5
 """Times the largest error that an interval includes: weights of twins have taken a part of an offset."""
-OFFSET_S, OFFSET_DEG, OFFSET_DEVIATIONS = 1.0, 0.7, 4.0
+OFFSET_S, OFFSET_DEG, OFFSET_DEVIATIONS = 1.0, 0.6, 2.0
 """Time for which measurements are off all twins, and by how much at least, in degrees and deviations."""
 FIRST_DEG = 27.0  # distance that is expected before anything is known: a first estimate may be 20 deg off
 _GOOD = Health.GOOD  # looked up once: an attribute of an enumeration takes as long as ten sums
