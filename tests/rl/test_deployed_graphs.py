@@ -30,7 +30,7 @@ def test_filter_step(method, samples, tmp_path):
     """
     path = tmp_path / "policy.onnx"
     if method == "ram-twins":
-        step, source = small_step(loud=0.3), small_source()
+        step, source = small_step(), small_source()
         graph, names = StepGraph(step), ("members_deg", "way_mm")
         export_twins(step, TINY.members, {"agent": method}, path)
     else:
