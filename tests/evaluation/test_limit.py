@@ -72,7 +72,12 @@ def test_no_method_is_better_than_the_limit_and_it_is_near_its_bound(ensembles, 
     known = Knowledge(0.1, {}, ensembles=(tuple(ensembles),))
     methods = [build_method(spec, known) for spec in method_specs() if spec.is_ready(known)]
     names = ["Ensemble", "Ensemble with bias", "Particles (families)"]
-    assert [method.name for method in methods] == [*names, "Ensemble (limit)", "Particles (limit)"]
+    assert [method.name for method in methods] == [
+        *names,
+        "Ensemble (limit)",
+        "Ensemble (limit, zero unknown)",
+        "Particles (limit)",
+    ]
     rows, *_ = compare(test_set, methods, protocol)
     rmse = {(r.method, r.noise, r.level, r.stroke_mm[0]): r.rmse_deg for r in rows}
     for low in (-1.0, 2.0):

@@ -94,8 +94,9 @@ def test_it_is_not_worse_than_a_tuned_filter(family, trained, tuned, records):
     pull, bend = records
     noise, variance = family(bend.shape, np.random.default_rng(SEED))
     measurement = np.round(bend) if noise is None else bend + noise
+    sensor = Sensor(variance, zero_deviation_deg=0.0)
     errors = [
-        filter_.with_sensor(Sensor(variance)).estimate(pull, measurement, bend[:, 0] + 20) - bend
+        filter_.with_sensor(sensor).estimate(pull, measurement, bend[:, 0] + 20) - bend
         for filter_ in (trained, tuned)
     ]
     learned, rival = (np.sqrt((error[:, 1:] ** 2).mean()) for error in errors)

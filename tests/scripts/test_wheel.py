@@ -31,7 +31,7 @@ sensed = twin.ActiveModel(model, episode.sample_time).with_sensor(twin.Sensor(va
 online = twin.OnlineEstimator(sensed, episode.sample_time, float(episode.truth_deg[0]))
 samples = zip(episode.time, episode.pull_mm, episode.measured_deg)
 estimate = [online.push(*map(float, sample)) for sample in samples]
-policy = twin.load_estimator(sys.argv[2])
+policy = twin.load_estimator(sys.argv[2], twin.Sensor(variance=0.5))
 steered = policy.estimate(episode.pull_mm, episode.measured_deg[None], float(episode.truth_deg[0]))[0]
 try:
     twin.Endoscope
@@ -165,7 +165,7 @@ def test_with_the_core_alone_files_are_read_and_estimators_run(core, tmp_path, r
     start = np.array([episode.truth_deg[0]])
     here = sensed.estimate(episode.pull_mm, episode.measured_deg[None], start)[0]
     np.testing.assert_allclose(there["estimate"], here, rtol=1e-12)
-    steered = twin.load_estimator(policy)
+    steered = twin.load_estimator(policy, twin.Sensor(variance=0.5))
     here = steered.estimate(episode.pull_mm, episode.measured_deg[None], start)[0]
     np.testing.assert_allclose(there["steered"], here, rtol=1e-9)
 
