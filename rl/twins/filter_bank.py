@@ -43,6 +43,10 @@ class NoiseModels(NamedTuple):
         """
         return log_density(self.log_weight, residual, self.width + doubt[:, None, None])
 
+    def believed(self, evidence: Tensor) -> Tensor:
+        """Return (B, J) probabilities of the noise models, for evidence (B, J) beyond the prior."""
+        return torch.softmax(self.log_prior + evidence, dim=-1)
+
 
 class NoiseModelParameters(torch.nn.Module):
     """Parameters of the noise_models."""
@@ -165,7 +169,8 @@ class FilterBank(torch.nn.Module):
 
     def believe(self, evidence: Tensor, variance: Tensor) -> Tensor:
         """Return (B, J) probabilities of the noise models, for (B,) variances R [deg^2]."""
-        return torch.softmax(self.noise_models(variance).log_prior + evidence, dim=-1)
+        noise_models: NoiseModels = self.noise_models(variance)
+        return noise_models.believed(evidence)
 
     def predict(
         self,
@@ -182,7 +187,7 @@ class FilterBank(torch.nn.Module):
         offset = (rows * angle[:, None, :]).sum(dim=-1)
         noise_models: NoiseModels = self.noise_models(variance)
         return FilterBankPrediction(
-            torch.softmax(noise_models.log_prior + state.evidence, dim=-1),
+            noise_models.believed(state.evidence),
             noise_models,
             state.evidence,
             angle,
@@ -213,13 +218,11 @@ class FilterBank(torch.nn.Module):
         innovation = (measured[:, None] - prior.expected) / root[:, None]
         residual = innovation[:, :, None] - noise_models.place  # from each part
         share, log_model = normed(noise_models.log_parts(residual, relative))
-        gain = torch.sigmoid(
-            torch.log(relative[:, None, None] / noise_models.width)
-        )  # in [0, 1]: P / (P + R)
+        gain = relative[:, None, None] / (relative[:, None, None] + noise_models.width)
         step = (gain * residual * share).sum(dim=-1) * (root * seen / doubt)[:, None]
         rows = prior.rows + step[:, :, None] * towards[:, None, :]
 
-        after = torch.softmax(noise_models.log_prior + prior.evidence + seen[:, None] * log_model, dim=-1)
+        after = noise_models.believed(prior.evidence + seen[:, None] * log_model)
         # The noise may change at any sample: no model becomes so unlikely that it could not come back.
         first = torch.exp(noise_models.log_prior)
         after = after + (seen / HISTORY)[:, None] * (first - after)

@@ -31,7 +31,7 @@ _SPARE = 1  # twins beyond those that are asked for
 _LONGEST = 3600.0  # time that these have moved for when a record begins [s]
 _MOVING = 0.35  # share of twins whose sheath is bent on during the record
 _UNKNOWN = 0.4  # share of commands before which twins and members have moved, each along a path of its own
-_DISTURBED = 1  # place of twins, modulo 8, that are knocked, or whose drive sticks, by turns of the commands
+_ONE_IN, _DISTURBED = 8, 1  # of so many twins, the place of that which is knocked, or whose drive sticks
 
 
 TwinArrays = tuple[Array32, Array32, Array32]
@@ -71,7 +71,7 @@ def simulate_records(
                 np.linspace(drawn.sheath_bend, other.sheath_bend, len(pull)) if moves else None
             )
             turns.append(draw_turns(stroke_mm, 1, rng)[0] * 1e-3)
-            drives.append(sticking(pull, rng) if place % 8 == _DISTURBED and number % 2 else pull)
+            drives.append(sticking(pull, rng) if place % _ONE_IN == _DISTURBED and number % 2 else pull)
         begun = 0
         if unknown:
             before = paths_to(np.array(turns), np.array([of[0] for of in drives]), SAMPLE_TIME)
@@ -85,7 +85,7 @@ def simulate_records(
             raise DivergedError(f"twins along training command {number} found no equilibrium")
         rng = random_stream(seed, SeedUse.TWINS_KNOCKS, number)
         if number % 2 == 0:
-            for of in angles[count:][_DISTURBED::8]:
+            for of in angles[count:][_DISTURBED::_ONE_IN]:
                 of += knock(pull, rng)
         pulls.append(pull)
         bends.append(angles[: count + twins])
@@ -220,7 +220,7 @@ class SequenceSource:
         deviation = np.exp(rng.uniform(least, most, count))
         deviation *= rng.uniform(size=count) >= CALIBRATED
         zero = deviation * rng.standard_normal(count)
-        disturbed = twin % 8 == _DISTURBED
+        disturbed = twin % _ONE_IN == _DISTURBED
         family = np.where(disturbed, len(self.noises) + SITUATIONS.index("disturbed"), noise.family)
         return Sequences(
             self.predict(self.records, command, index),

@@ -19,7 +19,7 @@ SKEWED = {place for place, name in enumerate(SHAPES) if FAMILIES[name].skewed}
 
 
 def given_to(sequences):
-    """What a step is given beside members and measurement."""
+    """What a step is given besides members and measurement."""
     return sequences.variance, sequences.zero_deviation_deg, sequences.sample_time, ALL
 
 

@@ -337,7 +337,7 @@ Build = Callable[[Array, Sensor, Noise], Estimator[Any]]
 
 
 def _known_variance(members_deg: Array, sensor: Sensor, noise: Noise) -> EnsembleFilter:
-    return EnsembleFilter(members_deg, *_values(sensor)[:1])
+    return EnsembleFilter(members_deg, _values(sensor)[0])
 
 
 def _unknown_zero(members_deg: Array, sensor: Sensor, noise: Noise) -> EnsembleFilter:

@@ -82,7 +82,7 @@ def _variance(kind: str, level: float) -> float:
 
 
 def _zero_deviation(kind: str, level: float) -> float:
-    """Return what is told of a noise's mean [deg]: its size, as its variance is told; not its sign."""
+    """Return what is stated of a noise's mean [deg]: its size, as its variance is stated; not its sign."""
     return ZERO_DEVIATION_DEG if kind == RECORDED else abs(noise_mean(kind, level))
 
 

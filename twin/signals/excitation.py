@@ -40,8 +40,7 @@ def approach(start: float, sample_time: float, speed: float = 2e-3) -> Array:
     A record that starts inside a stroke needs it: the memory of the friction is part of the state. The path
     rises with a smooth (cosine) speed profile of mean `speed` [m / s], then rests for a second.
     """
-    count = max(round(abs(start) / speed / sample_time), 1)
-    ramp = start * (1 - np.cos(np.pi * np.arange(1, count + 1) / count)) / 2
+    ramp = start * _rise(max(round(abs(start) / speed / sample_time), 1))
     return np.concatenate([ramp, np.full(round(SETTLE_SECONDS / sample_time), start)])
 
 
@@ -54,9 +53,14 @@ def paths_to(turns: Array, pull: Array, sample_time: float, speed: float = 4e-3)
     legs = []
     for begin, end in zip(ends.T[:-1], ends.T[1:], strict=True):
         count = max(int(np.ceil(np.abs(end - begin).max() / speed / sample_time)), 1)
-        share = (1 - np.cos(np.pi * np.arange(1, count + 1) / count)) / 2
-        legs.append(begin[:, None] + (end - begin)[:, None] * share)
+        legs.append(begin[:, None] + (end - begin)[:, None] * _rise(count))
     return np.concatenate(legs, axis=1)
+
+
+def _rise(count: int) -> Array:
+    """Return samples (count,) that rise from above 0 to 1 with a smooth (cosine) speed profile."""
+    share: Array = (1 - np.cos(np.pi * np.arange(1, count + 1) / count)) / 2
+    return share
 
 
 def check_finite(pull: Array) -> None:
