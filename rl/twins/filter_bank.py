@@ -218,7 +218,8 @@ class FilterBank(torch.nn.Module):
         innovation = (measured[:, None] - prior.expected) / root[:, None]
         residual = innovation[:, :, None] - noise_models.place  # from each part
         share, log_model = normed(noise_models.log_parts(residual, relative))
-        gain = relative[:, None, None] / (relative[:, None, None] + noise_models.width)
+        # P / (P + R), as a sigmoid: the gate looks for an operator that bounds it.
+        gain = torch.sigmoid(torch.log(relative[:, None, None] / noise_models.width))
         step = (gain * residual * share).sum(dim=-1) * (root * seen / doubt)[:, None]
         rows = prior.rows + step[:, :, None] * towards[:, None, :]
 
