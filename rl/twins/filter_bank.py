@@ -118,7 +118,7 @@ def normed(logarithms: Tensor) -> tuple[Tensor, Tensor]:
 
 
 HISTORY = 400.0  # samples for which a noise lasts in the mean (a Markov chain, Blom and Bar-Shalom 1988)
-CAUTION = 0.2  # added to R where P shrinks, in units of R: no noise model is certain
+CAUTION = 0.05  # added to R where P shrinks, in units of R: no noise model is certain
 
 
 class FilterBankState(NamedTuple):
@@ -204,7 +204,7 @@ class FilterBank(torch.nn.Module):
         prior: FilterBankPrediction,
         grows: Tensor,  # (B, n) what the variances grow by
         measured: Tensor,  # (B,) measurement about the middle of the members [deg]
-        seen: Tensor,  # (B,) 1 where there is one
+        seen: Tensor,  # (B,) for how many independent samples it counts; 0 where there is none
         variance: Tensor,  # (B,) R [deg^2]
     ) -> BankUpdate:
         """Return angles, zeros and states after a sample."""

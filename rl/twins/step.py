@@ -32,7 +32,7 @@ from rl.twins.ood_detector import BINS, Fallback, OodDetector, ResidualHistogram
 
 Tensor = torch.Tensor
 
-STATISTICS = 7
+STATISTICS = 9
 
 
 class FilterState(NamedTuple):
@@ -92,6 +92,9 @@ class PlainFilter(torch.nn.Module):
 
 SCALARS = 20  # that the interval is made of, next to the probabilities of the noise models
 RECENT, SLOW = 30.0, 200.0  # samples of the running statistics
+BOUND = 3.0  # of an innovation in a covariance, in units of sqrt(R): outliers tell little of it
+CHANCE = 2.0  # standard deviations of a correlation that independent samples have by chance
+MOST_CORRELATED = 0.95  # from one sample to the next
 
 
 class Features(torch.nn.Module):
@@ -119,7 +122,7 @@ class Features(torch.nn.Module):
         """Return (B, J + SCALARS) numbers."""
         root = torch.sqrt(variance)
         statistics = state.statistics.split(1, dim=1)
-        average, product, square, slow_product, slow_square, slow_average, _ = statistics
+        average, product, square, slow_product, slow_square, slow_average, *_ = statistics
         coefficients = mean * self.motion.of_members
         of_error, of_zero = self.motion.of_error, self.motion.of_zero
         angles = [
@@ -162,11 +165,12 @@ def recent(state: FilterState, seen: Tensor, innovation: Tensor, doubt: Tensor) 
     Running means of the innovation, of its product with the one before and of its normalised square, over a
     few samples and over many, and the last one.
     """
-    average, product, square, slow_product, slow_square, slow_average, last = (
+    average, product, square, slow_product, slow_square, slow_average, lagged, power, last = (
         of[:, 0] for of in state.statistics.split(1, dim=1)
     )
     now = log_scale(innovation)
     with_last, normal = now * log_scale(last), innovation * innovation / (doubt + 1)
+    bounded, last_bounded = innovation.clamp(-BOUND, BOUND), last.clamp(-BOUND, BOUND)
     fast, slow = (seen / (state.samples + 1).clamp(max=most) for most in (RECENT, SLOW))
     return torch.stack(
         [
@@ -176,10 +180,28 @@ def recent(state: FilterState, seen: Tensor, innovation: Tensor, doubt: Tensor) 
             slow_product + (with_last - slow_product) * slow,
             slow_square + (normal - slow_square) * slow,
             slow_average + (now - slow_average) * slow,
+            lagged + (bounded * last_bounded - lagged) * slow,
+            power + (bounded * bounded - power) * slow,
             last + (innovation - last) * seen,
         ],
         dim=1,
     )
+
+
+def independence(state: FilterState) -> Tensor:
+    """Return (B,) for how many independent samples a sample counts, by the correlation of the innovations.
+
+    A mean over samples with the correlation rho from one to the next is as uncertain as that over
+    (1 - rho) / (1 + rho) times as many (Bayley and Hammersley 1946). What twins do not explain is correlated
+    too, but makes innovations larger than R and P allow: by so much less are they correlated.
+    """
+    *_, lagged, power, _ = (of[:, 0] for of in state.statistics.split(1, dim=1))
+    unexplained = torch.relu(power - 1)
+    count = state.samples.clamp(1.0, SLOW)
+    chance = CHANCE * torch.sqrt(count) / count
+    correlation = (lagged - unexplained - chance).clamp(0.0, MOST_CORRELATED)
+    counted: Tensor = (1 - correlation) / (1 + correlation)
+    return counted
 
 
 class TwinsStep(FilterStep):
@@ -265,7 +287,7 @@ class TwinsStep(FilterStep):
             verdict = self.fallback(classifier_on * (1 - known), state.counts)
             classifier_on = classifier_on * known
 
-        found = self.filter_bank.update(prior, grows, measured, seen, variance)
+        found = self.filter_bank.update(prior, grows, measured, seen * independence(state), variance)
         plain, covariance, alone, of_alone, residual, plain_doubt = self.plain(
             *(state.mean, state.covariance, angle, keep, grows, measured, seen, variance, verdict)
         )
