@@ -1,14 +1,16 @@
 """Check of an ONNX file before it is run: operators, sizes and parts that no training of ours writes.
 
 Only the outline of the Protobuf message is read (https://onnx.ai/onnx/repo-docs/IR.html). A graph that loops,
-calls functions, names other files or grows without bound is refused before ONNX Runtime sees it: its
-optimizer would run constant parts of it at once.
+calls functions, names other files or grows without bound (`graph_size`) is refused before ONNX Runtime sees
+it: its optimizer would run constant parts of it at once.
 """
 
 import math
+import struct
 from collections.abc import Iterator
 
 from twin.errors import InputError
+from twin.estimation.learned.graph_size import BATCH, Node, Shape, check_size
 from twin.files.shown import cut
 
 _LAYERS = {"Gemm", "MatMul", "Sigmoid", "Softmax", "Tanh"}
@@ -22,6 +24,10 @@ MOST_CONCATENATIONS = 4  # number of `Concat` nodes: each may double what it is 
 LONGEST_AXIS = 8192
 MOST_FIELDS = 100_000
 
+MOST_NUMBERS = 4096  # bytes of a constant that are read as whole numbers: axes and lengths
+INT64 = 7  # kind of a tensor
+_Tensor = tuple[str, Shape, tuple[int, ...]]  # name, shape, and numbers of a tensor of whole numbers
+
 _MODEL = {1, 2, 3, 4, 5, 6, 7, 8, 14}
 _GRAPH = {1, 2, 5, 10, 11, 12, 13, 16}
 _ATTRIBUTE = {1, 2, 3, 4, 5, 7, 8, 9, 13, 20}  # no subgraphs, sparse tensors or references
@@ -29,12 +35,14 @@ _TENSOR = {1, 2, 4, 5, 7, 8, 9, 10, 11, 12}  # no text, no data in other files
 _PARTS = {"model": _MODEL, "graph": _GRAPH, "attribute": _ATTRIBUTE, "tensor": _TENSOR}
 
 
-def check_graph(content: bytes) -> None:
-    """Refuse an ONNX file that holds what no training of ours writes."""
+def check_graph(content: bytes) -> dict[str, Shape]:
+    """Refuse an ONNX file that holds what no training of ours writes; return the shapes of its arrays."""
     outline = _Outline()
+    shapes: dict[str, Shape] = {}
     for number, value in outline.parts("model", memoryview(content)):
         if number == 7:
-            _check_graph(outline, _message(value))
+            shapes = _check_graph(outline, _message(value))
+    return shapes
 
 
 class _Outline:
@@ -74,25 +82,49 @@ class _Outline:
             place += size
 
 
-def _check_graph(outline: _Outline, data: memoryview) -> None:
+def _check_graph(outline: _Outline, data: memoryview) -> dict[str, Shape]:
+    nodes: list[Node] = []
+    shapes: dict[str, Shape] = {}
+    constants: dict[str, tuple[int, ...]] = {}
     for number, value in outline.parts("graph", data):
         if number == 1:
-            _check_node(outline, _message(value))
+            node, tensor = _read_node(outline, _message(value))
+            if tensor is None:
+                nodes.append(node)
+            else:
+                shapes[node.outputs[0]], constants[node.outputs[0]] = tensor[1:]
         elif number == 5:
-            _check_tensor(outline, _message(value))
+            name, shape, numbers = _read_tensor(outline, _message(value))
+            shapes[name], constants[name] = shape, numbers
+        elif number == 11:
+            name, shape = _read_input(outline, _message(value))
+            shapes[name] = shape
+    return check_size(nodes, shapes, constants)
 
 
-def _check_node(outline: _Outline, data: memoryview) -> None:
+def _read_node(outline: _Outline, data: memoryview) -> tuple[Node, _Tensor | None]:
+    """Return an operator; where it is a constant, its array too."""
     operator = domain = ""
+    names: dict[int, list[str]] = {1: [], 2: []}
+    numbers: dict[str, tuple[int, ...]] = {}
+    tensor = None
     for number, value in outline.all_fields(data):
-        if number == 4:
-            operator = bytes(_message(value)).decode(errors="replace")
+        if number in names:
+            names[number].append(_text(value))
+        elif number == 4:
+            operator = _text(value)
         elif number == 7:
-            domain = bytes(_message(value)).decode(errors="replace")
+            domain = _text(value)
         elif number == 5:
+            attribute, found = "", []
             for part, inner in outline.parts("attribute", _message(value)):
-                if part == 5:
-                    _check_tensor(outline, _message(inner))
+                if part == 1:
+                    attribute = _text(inner)
+                elif part == 5:
+                    tensor = _read_tensor(outline, _message(inner))
+                elif part in (3, 8):
+                    found += _numbers(inner)
+            numbers[attribute] = tuple(found)
     if operator not in OPERATORS or domain not in ("", "ai.onnx"):
         raise InputError(
             f"it has the operator {cut(f'{domain} {operator}', 40)}, which training never writes"
@@ -101,20 +133,68 @@ def _check_node(outline: _Outline, data: memoryview) -> None:
     outline.concatenations += operator == "Concat"
     if outline.nodes > MOST_NODES or outline.concatenations > MOST_CONCATENATIONS:
         raise InputError(f"it has more than {MOST_NODES} operators, or {MOST_CONCATENATIONS} of Concat")
+    if operator == "Constant" and (tensor is None or not names[2]):
+        raise InputError("it has a constant that training never writes")
+    node = Node(operator, tuple(names[1]), tuple(names[2]), numbers)
+    return node, tensor if operator == "Constant" else None
 
 
-def _check_tensor(outline: _Outline, data: memoryview) -> None:
+def _read_tensor(outline: _Outline, data: memoryview) -> _Tensor:
     shape: list[int] = []
+    name, kind, numbers, raw = "", 0, list[int](), b""
     for number, value in outline.parts("tensor", data):
-        if number == 1 and isinstance(value, int):
-            shape.append(value)
-        elif number == 1:
-            packed, place = _message(value), 0
-            while place < len(packed):
-                length, place = _varint(packed, place)
-                shape.append(length)
+        if number == 1:
+            shape += _numbers(value)
+        elif number == 2:
+            kind = _numbers(value)[0]
+        elif number == 7:
+            numbers += _numbers(value)
+        elif number == 8:
+            name = _text(value)
+        elif number == 9:
+            raw = bytes(_message(value)[:MOST_NUMBERS])
     if len(shape) > 4 or max(shape, default=0) > LONGEST_AXIS or math.prod(shape) > LONGEST_AXIS**2 / 4:
         raise InputError(f"it has an array of shape {cut(shape, 40)}: training writes smaller ones")
+    if kind == INT64 and not numbers:
+        numbers = [of for (of,) in struct.iter_unpack("<q", raw[: len(raw) // 8 * 8])]
+    return name, tuple(shape), tuple(numbers)
+
+
+def _read_input(outline: _Outline, data: memoryview) -> tuple[str, Shape]:
+    """Return name and shape of an input; an axis of any length is `BATCH` long."""
+    name, shape = "", list[int]()
+    for number, value in outline.all_fields(data):
+        if number == 1:
+            name = _text(value)
+        elif number == 2:
+            for axis in _within(outline, _message(value), (1, 2, 1)):
+                length = [of for part, of in outline.all_fields(axis) if part == 1]
+                shape += _numbers(length[0]) if length else [BATCH]
+    return name, tuple(shape)
+
+
+def _within(outline: _Outline, data: memoryview, path: tuple[int, ...]) -> Iterator[memoryview]:
+    """Yield the messages inside a message, along numbers of fields."""
+    for number, value in outline.all_fields(data):
+        if number == path[0]:
+            inner = _message(value)
+            yield from _within(outline, inner, path[1:]) if path[1:] else (inner,)
+
+
+def _text(value: int | memoryview) -> str:
+    return bytes(_message(value)).decode(errors="replace")
+
+
+def _numbers(value: int | memoryview) -> list[int]:
+    """Return whole numbers of a field: one, or several packed."""
+    found, place = [], 0
+    if isinstance(value, int):
+        found = [value]
+    else:
+        while place < len(value):
+            number, place = _varint(value, place)
+            found.append(number)
+    return [number - 2**64 if number >= 2**63 else number for number in found]
 
 
 def _message(value: int | memoryview) -> memoryview:
