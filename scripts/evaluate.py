@@ -138,7 +138,12 @@ def _variance(args: Evaluate, recorded: bool) -> float | None:
     from twin.evaluation.reading import common_variance
     from twin.files.bounds import LARGEST_VARIANCE_DEG2
 
-    variance = args.sensor_variance
+    variance, deviation = args.sensor_variance, args.sensor_zero_deviation_deg
+    if not (deviation is None or recorded):
+        raise ValueError(
+            "--sensor-zero-deviation-deg is for --measurements recorded or --write-estimates: the mean of a "
+            "drawn noise is known by its size"
+        )
     usable = variance is None or (0 < variance <= LARGEST_VARIANCE_DEG2)
     if not usable or not (variance is None or recorded):
         raise ValueError(

@@ -35,4 +35,4 @@ def build(known):
     return Complementary(known.reference)
 
 
-register_method(MethodSpec("Complementary", build, "nothing", models=(ColemanHodgdon.name,)))
+register_method(MethodSpec("Complementary", build, (), models=(ColemanHodgdon.name,)))

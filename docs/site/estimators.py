@@ -7,7 +7,7 @@ import inspect
 import re
 from pathlib import Path
 
-from twin.estimation.registry import MethodSpec, Training, method_specs
+from twin.estimation.registry import GIVEN, MethodSpec, Training, method_specs
 from twin.evaluation.paper import noise_label
 from twin.report.run_page import agent_names
 
@@ -45,15 +45,19 @@ def module_of(spec: MethodSpec) -> str:
 
 def _index(specs: list[MethodSpec]) -> str:
     rows = [
-        f"| [{spec.name}]({slug(spec.name)}.md) | {spec.presentation.family} | {spec.noise_information} "
+        f"| [{spec.name}]({slug(spec.name)}.md) | {spec.presentation.family} | {spec.knows} "
         f"| {_learned(spec)} |"
         for spec in specs
     ]
     return (
         "# Estimators\n\nEvery method that `endotwin evaluate` compares, in the order of tables. "
-        "*Noise*: what it knows of the noise. [How the angle is estimated](../method.md) says what "
+        "*Knows*: what it is given (below). [How the angle is estimated](../method.md) says what "
         "each is fitted on; [the full benchmark](../results/benchmark.md) says what it reaches.\n\n"
-        "| method | family | noise | trained by |\n|---|---|---|---|\n" + "\n".join(rows) + "\n"
+        "| method | family | knows | trained by |\n|---|---|---|---|\n"
+        + "\n".join(rows)
+        + "\n\n"
+        + "\n".join(f"- *{word}*: {meaning}." for word, meaning in GIVEN.items())
+        + "\n"
     )
 
 
@@ -72,7 +76,7 @@ def _agent(training: Training) -> str:
 def _page(spec: MethodSpec) -> str:
     module = module_of(spec)
     place = module.replace(".", "/") + ".py"
-    facts = [("family", spec.presentation.family), ("known of the noise", spec.noise_information)]
+    facts = [("family", spec.presentation.family), ("knows", spec.knows)]
     if spec.models:
         facts.append(("model of hysteresis", ", ".join(spec.models)))
     if spec.fits:

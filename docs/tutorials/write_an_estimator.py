@@ -97,7 +97,7 @@ for time, pull, seen in ((0.0, 0.0, 0.2), (0.1, 0.1, 1.4), (0.2, 0.2, float("nan
 #     MethodSpec(
 #         name="Complementary",
 #         build=lambda known: Complementary(known.reference),
-#         noise_information="nothing",
+#         given=(),
 #         models=(ColemanHodgdon.name,),
 #     )
 # )

@@ -288,7 +288,6 @@ def _write(
         "data": [str(path) for path in suite.data],
         "train": str(suite.train or suite.out / "train"),
         "phi": PHI,
-        "noise_information": {spec.name: spec.noise_information for spec in suite.specs},
         "policies": {agent: [*map(str, paths)] for agent, paths in suite.trained.items()},
     }
     of_methods = {method: dataclasses.asdict(cost) for method, cost in costs.items()}

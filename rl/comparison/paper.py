@@ -60,7 +60,6 @@ def run_paper_suite(
         **dataclasses.asdict(suite.protocol(T)),
         "records": len(test),
         "phi": PHI,
-        "noise_information": "the variance of the noise as R",
         "process_variance": list(ActiveModel.process_variance),
         "initial_variance": list(ActiveModel.initial_variance),
         "model": str(suite.model or ""),
@@ -72,7 +71,8 @@ def run_paper_suite(
     folder = suite.out / "estimates"
     folder.mkdir(exist_ok=True)
     variance = DEFAULT_VARIANCE if suite.sensor_variance is None else suite.sensor_variance
-    write_estimates(estimate_files, methods, T, variance, folder, suite.initial_error_deg)
+    recorded = dataclasses.replace(suite.protocol(T), seeds=1, recorded_variance=variance)
+    write_estimates(estimate_files, methods, recorded, folder)
     return Result(found.scores, found.tracks, len(test), f"; estimates in {folder}")
 
 

@@ -14,6 +14,7 @@ from twin.estimation.methods import Presentation
 from twin.estimation.registry import MethodSpec, find_method, method_specs
 from twin.evaluation.protocol import RECORD_SAMPLE_TIME, Condition, Protocol
 from twin.files.bounds import LONGEST_SECONDS, MOST_TRAININGS, MOST_WORKERS, check_between
+from twin.preset.preset import ZERO_DEVIATION_DEG
 
 if TYPE_CHECKING:
     from twin.episode import Record
@@ -55,6 +56,9 @@ class Settings:
     recorded where all records are measured logs, else drawn; the full suite draws, unless given."""
     sensor_variance: float | None = None
     """R of recorded measurements [deg^2]; if not given, as the records state it, else 0.1."""
+    sensor_zero_deviation_deg: float | None = None
+    """How well the zero of recorded measurements is known: its standard deviation [deg]; 0: calibrated. If
+    not given, 2."""
     write_estimates: tyro.conf.FlagCreatePairsOff[bool] = False
     """Also write each record into OUT/estimates with /estimate/METHOD: what methods make of its recorded
     measurements."""
@@ -151,7 +155,15 @@ class Suite(Settings):
     def protocol(self, sample_time: float) -> Protocol:
         """Return the protocol at one sample time [s]."""
         recorded = self.recorded_variance
-        return Protocol(self.suite, self.seeds, sample_time, self.initial_error_deg, self.seed, recorded)
+        return Protocol(
+            self.suite,
+            self.seeds,
+            sample_time,
+            self.initial_error_deg,
+            self.seed,
+            recorded,
+            ZERO_DEVIATION_DEG if self.sensor_zero_deviation_deg is None else self.sensor_zero_deviation_deg,
+        )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -50,7 +50,7 @@ NAME = "ablation"
 Row = dict[str, Any]  # a variant and what it reaches, as `ablation.json` holds it
 WHOLE = "whole"
 COLOUR = "#a3195b"
-SHOWN = (("gaussian", 1.0), ("poisson", 2.0), ("gamma", 1.0), ("salt-and-pepper", 0.05))
+SHOWN = (("gaussian", 1.0), ("poisson-dithered", 2.0), ("gamma", 1.0), ("salt-and-pepper", 0.05))
 """Noises that have a column of their own: a symmetric one, skewed ones, outliers."""
 _TICKS = (0.5, 0.7, 0.8, 0.9, 1, 1.1, 1.2, 1.3, 1.5, 1.7, 2, 3, 5, 7, 10)
 SYMMETRIC = ("gaussian", "uniform", "laplace", "student-t", "salt-and-pepper")

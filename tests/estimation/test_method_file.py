@@ -22,7 +22,7 @@ EXAMPLE = REPOSITORY / "docs" / "examples" / "my_filter.py"
 DATA = REPOSITORY / "assets" / "samples" / "dataset"
 REGISTERED = (
     "from twin.estimation.registry import MethodSpec, register_method\n"
-    "register_method(MethodSpec({!r}, lambda known: None, 'R'))\n"
+    "register_method(MethodSpec({!r}, lambda known: None, ('R',)))\n"
 )
 
 

@@ -32,7 +32,7 @@ from twin.report.tables import ordered, paper_table
 TOY = MethodSpec(
     name="Toy filter",
     build=lambda known: ActiveModel(known.reference, known.sample_time),
-    noise_information="R",
+    given=("R",),
     models=(ColemanHodgdon.name,),
     training=Training("toy", "toy.onnx", lambda path: pytest.fail("never loaded"), "a toy"),
 )

@@ -70,6 +70,6 @@ def test_it_is_likelier_on_other_twins_than_a_filter_tuned_on_one_endoscope():
 def test_it_is_compared_where_it_is_named_and_needs_twins():
     spec = find_method("AM-tuned (twins)")
     assert spec.presentation.on_request
-    assert spec.noise_information == "R"
+    assert spec.given == ("R", "ranges")
     with pytest.raises(ValueError, match="needs a preset and its ranges"):
         FIT.find(dataclasses.replace(knowledge(), twins=None))

@@ -101,7 +101,9 @@ def test_a_record_without_measurements_is_refused(folder):
 def test_estimates_are_written_with_the_episode(folder, tmp_path, model):
     active_model = ActiveModel(model, 0.1)
     methods = [as_method("AM (toy, x)", active_model), Method("seer", lambda case: 1 / 0, oracle=True)]
-    write_estimates(named_files([folder]), methods, 0.1, 0.3, tmp_path)
+    write_estimates(
+        named_files([folder]), methods, Protocol("paper", 1, 0.1, recorded_variance=0.3), tmp_path
+    )
     written = episode_files(tmp_path)
     assert [path.name for path in written] == [path.name for path in episode_files(folder)]
     episode = read_episode(episode_files(folder)[0])

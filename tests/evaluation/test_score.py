@@ -23,6 +23,7 @@ WHOLE = dataclasses.replace(
     to_best_ci95=(1.1, 1.4),
 )
 OPTIONAL = {
+    "given",
     "stroke_mm",
     "twin",
     "md_printed_deg2",

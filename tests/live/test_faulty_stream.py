@@ -74,7 +74,7 @@ UNLEARNED = [name for name in NAMES if find_method(name).agent is None]
 
 def slow_recoveries(name: str, off: dict[str, float]) -> dict[str, float]:
     """A model that sees measurements at restarts only stays as far off as it started."""
-    blind = find_method(name).noise_information.endswith("sees no measurement")
+    blind = find_method(name).presentation.family == "model"
     return {fault: far for fault, far in off.items() if far > (4 if blind else 3)}
 
 

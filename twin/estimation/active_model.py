@@ -222,7 +222,7 @@ def _register(name: str, kind: type[ActiveModel]) -> None:
         MethodSpec(
             name=name,
             build=lambda known: kind(known.reference, known.sample_time),
-            noise_information="R",
+            given=("R",),
             models=(ColemanHodgdon.name,),
         )
     )

@@ -279,12 +279,12 @@ def _mixed(beliefs: tuple[Belief, ...], shares: Array, place: int) -> Belief:
 
 
 register_likelihood("Huber", TUNED, RobustActiveModel)
-register_likelihood("AM with bias", TUNED, BiasedActiveModel)
+register_likelihood("AM with bias", TUNED, BiasedActiveModel, given=("R", "zero"))
 register_method(
     MethodSpec(
         name="VB",
         build=lambda known: AdaptiveActiveModel(TUNED.filter(known)),
-        noise_information="R, to begin with",
+        given=("R",),
         models=(TUNED.model,),
         fits=(TUNED,),
     )
@@ -293,7 +293,7 @@ register_method(
     MethodSpec(
         name="IMM",
         build=lambda known: InteractingModels((TUNED.filter(known), TUNED_ON_TWINS.filter(known))),
-        noise_information="R",
+        given=("R", "ranges"),
         models=(TUNED.model,),
         fits=(TUNED, TUNED_ON_TWINS),
     )

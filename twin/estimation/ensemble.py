@@ -451,26 +451,21 @@ class Ensembles:
         return [(runs, self.along(case.pull_mm[runs[0]])) for runs in groups.values()]
 
 
-def _register(name: str, build: Build, noise_information: str = "R", needs_density: bool = False) -> None:
+def _register(name: str, build: Build, *of_noise: str, needs_density: bool = False) -> None:
     register_method(
         MethodSpec(
             name=name,
             build=lambda known: Ensembles(known.ensemble_files, known.sample_time, build),
-            noise_information=noise_information,
+            given=(*of_noise, "ranges", "past"),
             ensembles=True,
             needs_density=needs_density,
         )
     )
 
 
-_register("Ensemble", _known_variance)
-_register("Ensemble with bias", _unknown_zero, "R, the size of the noise's mean")
-_register("Particles (families)", _families, "R, the families of the noise")
-_register("Ensemble (limit)", _known_density, "the density of the noise", needs_density=True)
-_register(
-    "Ensemble (limit, zero unknown)",
-    _known_shape,
-    "the shape of the noise, the size of its mean",
-    needs_density=True,
-)
-_register("Particles (limit)", _particles, "the density of the noise", needs_density=True)
+_register("Ensemble", _known_variance, "R")
+_register("Ensemble with bias", _unknown_zero, "R", "zero")
+_register("Particles (families)", _families, "R", "families of the law")
+_register("Ensemble (limit)", _known_density, "law", needs_density=True)
+_register("Ensemble (limit, zero unknown)", _known_shape, "law", "zero", needs_density=True)
+_register("Particles (limit)", _particles, "law", needs_density=True)

@@ -233,7 +233,7 @@ VARIANCES = KoopmanFit()
 register_method(
     MethodSpec(
         name="Koopman",
-        noise_information="R",
+        given=("R",),
         build=lambda known: dataclasses.replace(fit_koopman(known.records), **known.found(VARIANCES)),
         fits=(VARIANCES,),
         records=True,

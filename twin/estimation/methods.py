@@ -106,7 +106,7 @@ METHODS: dict[str, Presentation] = {
     "Ensemble with bias": Presentation("ensemble", on_request=True),
     "Particles (families)": Presentation("ensemble", on_request=True),
     "Ensemble (limit)": Presentation("ensemble", is_limit=True),
-    "Ensemble (limit, zero unknown)": Presentation("ensemble", on_request=True),
+    "Ensemble (limit, zero unknown)": Presentation("ensemble"),
     "Particles (limit)": Presentation("ensemble", on_request=True),
 }
 """Every method of the package, in the order of tables."""

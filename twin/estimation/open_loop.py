@@ -54,7 +54,7 @@ def _register(name: str, model: str) -> None:
         MethodSpec(
             name=name,
             build=lambda known: OpenLoop(known.models[model]),
-            noise_information="nothing, and sees no measurement",
+            given=(),
             models=(model,),
         )
     )

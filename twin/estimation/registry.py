@@ -23,6 +23,18 @@ if TYPE_CHECKING:
     from twin.estimation.learned.trained_file import TrainedFile
 
 
+GIVEN = {
+    "R": "the variance of the noise",
+    "zero": "how well the mean of the sensor's errors is known: their standard deviation, not their sign",
+    "bound": "the largest magnitude of the noise",
+    "law": "the density of the noise: its family and its parameters; its mean too, without *zero*",
+    "ranges": "the twins of a preset, and the ranges that the endoscopes under test are drawn from",
+    "past": "that a session starts at rest, and the command since then",
+    "truth": "the true angle: an oracle",
+}
+"""What a method may be given beyond records of one endoscope, the command and the measurements."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Training:
     """Training of a learned method, as the command line and a run folder name it."""
@@ -42,7 +54,7 @@ class MethodSpec:
     Attributes:
         name: in tables, figures and files.
         build: makes the estimator, or a function of a complete `Case`, from what is known before the test.
-        noise_information: what it knows of the noise, in a few words.
+        given: what it knows, words of `GIVEN`.
         models: names of the identified models of hysteresis that it needs.
         fits: numbers fitted to the training records that it needs.
         records: whether it needs the training records themselves.
@@ -57,7 +69,7 @@ class MethodSpec:
 
     name: str
     build: "Callable[[Knowledge], Estimator[Any] | CaseEstimator]"
-    noise_information: str
+    given: tuple[str, ...]
     models: tuple[str, ...] = ()
     fits: "tuple[TrainingFit, ...]" = ()
     records: bool = False
@@ -67,6 +79,11 @@ class MethodSpec:
     training: Training | None = None
     trained_as: str | None = None
     oracle: bool = False
+
+    @property
+    def knows(self) -> str:
+        """What it knows, in a few words."""
+        return ", ".join(self.given) or "nothing"
 
     @property
     def agent(self) -> str | None:

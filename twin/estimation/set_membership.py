@@ -192,7 +192,7 @@ for _name, _build in {"ESMF": _from_records, "ESMF (geometry)": _from_geometry}.
         MethodSpec(
             name=_name,
             build=_build,
-            noise_information="the largest magnitude of the noise",
+            given=("bound", "ranges") if _build is _from_geometry else ("bound",),
             models=(ColemanHodgdon.name,),
             records=True,
             wire_offset=_build is _from_geometry,

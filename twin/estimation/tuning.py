@@ -254,13 +254,18 @@ class ConstantGainFit:
         return ConstantGain(knowledge.reference, knowledge.sample_time, gain=(float(bend), float(error)))
 
 
-def register_likelihood(name: str, fit: LikelihoodFit, kind: type[ActiveModel] = ActiveModel) -> None:
+def register_likelihood(
+    name: str,
+    fit: LikelihoodFit,
+    kind: type[ActiveModel] = ActiveModel,
+    given: tuple[str, ...] = ("R",),
+) -> None:
     """Register an active model of some kind with the variances of a fit."""
     register_method(
         MethodSpec(
             name=name,
             build=lambda known: fit.filter(known, kind),
-            noise_information="nothing: R is fitted" if fit.measurement_variance else "R",
+            given=given,
             models=(fit.model,),
             fits=(fit,),
         )
@@ -278,6 +283,7 @@ register_likelihood(
     "AM-tuned (Q, R)",
     LikelihoodFit("coleman-hodgdon, Q and R", ColemanHodgdon.name, measurement_variance=True),
     FixedNoiseActiveModel,
+    given=(),
 )
 register_likelihood("AM-tuned (Bouc-Wen)", LikelihoodFit("bouc-wen", BoucWen.name))
 register_likelihood(
@@ -286,15 +292,17 @@ register_likelihood(
     UnscentedActiveModel,
 )
 register_likelihood("AM-tuned (P-I)", LikelihoodFit("prandtl-ishlinskii", PrandtlIshlinskii.name))
-register_likelihood("AM-tuned (twins)", TUNED_ON_TWINS)
+register_likelihood("AM-tuned (twins)", TUNED_ON_TWINS, given=("R", "ranges"))
 register_likelihood(
-    "AM-tuned (Bouc-Wen, twins)", TwinsLikelihoodFit(f"{BoucWen.name}, on twins", BoucWen.name)
+    "AM-tuned (Bouc-Wen, twins)",
+    TwinsLikelihoodFit(f"{BoucWen.name}, on twins", BoucWen.name),
+    given=("R", "ranges"),
 )
 register_method(
     MethodSpec(
         name="Constant gain",
         build=BEST_GAIN.filter,
-        noise_information="R",
+        given=("R",),
         models=(ColemanHodgdon.name,),
         fits=(BEST_GAIN,),
     )

@@ -229,6 +229,7 @@ def _row(
         twin=first.source,
         method=method.name,
         oracle=method.oracle,
+        given=method.given,
         **means,
         rmse_steady_deg=float(late["rmse_deg"].mean()),
         rmse_ci95_deg=confidence_interval(indices["rmse_deg"]),
@@ -240,19 +241,14 @@ def _row(
 
 
 def write_estimates(
-    files: Mapping[str, Path],
-    methods: Sequence[Method],
-    sample_time: float,
-    variance: float,
-    folder: Path,
-    initial_error_deg: float = 20.0,
+    files: Mapping[str, Path], methods: Sequence[Method], protocol: Protocol, folder: Path
 ) -> None:
     """Copy each record with the estimates of methods from its recorded measurements, as `/estimate/METHOD`.
 
     `files` are MCAP files by the names of the new ones without their ending; oracles among the methods are
-    left out. The record keeps its own samples; estimates are at T [s], with R = `variance` [deg^2].
+    left out. The record keeps its own samples; estimates are at the protocol's sample time, with its R.
     """
-    protocol = Protocol("paper", 1, sample_time, initial_error_deg, recorded_variance=variance)
+    sample_time = protocol.sample_time_s
     for name, file in files.items():
         episode = read_episode(file)
         even = episode.resampled(sample_time)

@@ -14,7 +14,6 @@ from twin.estimation.gaussian import DEVIATIONS_OF_95
 from twin.estimation.knowledge import Case, CaseEstimator, IntervalEstimator, Knowledge
 from twin.estimation.registry import MethodSpec
 from twin.evaluation.protocol import RECORDED, Condition, Protocol
-from twin.preset.preset import ZERO_DEVIATION_DEG
 from twin.signals.noise import KINDS, draw_errors, noise_bound, noise_mean, noise_variance
 
 Array = NDArray[np.float64]
@@ -47,6 +46,10 @@ def make_case(
         truths.append(np.broadcast_to(np.pad(record.filled_deg, (0, rest), mode="edge"), shape))
     truth = np.concatenate(truths)
 
+    def zero_deviation(kind: str, level: float) -> float:
+        """Return what is stated of the noise's mean: its size, as its variance is stated; not its sign."""
+        return protocol.sensor_zero_deviation_deg if kind == RECORDED else abs(noise_mean(kind, level))
+
     def of_each_run(value: Callable[[str, float], float]) -> Array:
         values = np.repeat([value(kind, level) for kind, level in conditions], protocol.seeds)
         return np.tile(values, len(records))
@@ -55,7 +58,7 @@ def make_case(
         pull_mm=np.concatenate(pulls),
         measurement_deg=np.concatenate(measurements),
         initial_bend_deg=truth[:, 0] + protocol.initial_error_deg,
-        sensor=Sensor(of_each_run(_variance), of_each_run(_zero_deviation), of_each_run(_bound)),
+        sensor=Sensor(of_each_run(_variance), of_each_run(zero_deviation), of_each_run(_bound)),
         noises=tuple(condition for condition in conditions for _ in range(protocol.seeds)) * len(records),
         truth_deg=truth,
     )
@@ -79,11 +82,6 @@ def _measurements(condition: Condition, number: int, record: Record, protocol: P
 
 def _variance(kind: str, level: float) -> float:
     return level if kind == RECORDED else noise_variance(kind, level)
-
-
-def _zero_deviation(kind: str, level: float) -> float:
-    """Return what is stated of a noise's mean [deg]: its size, as its variance is stated; not its sign."""
-    return ZERO_DEVIATION_DEG if kind == RECORDED else abs(noise_mean(kind, level))
 
 
 def _bound(kind: str, level: float) -> float:
@@ -120,6 +118,7 @@ class Method:
     name: str  # in the tables
     estimate: CaseEstimator  # returns (B, N) estimated angles [deg]
     oracle: bool = False  # whether it is shown the truth: such a row is labelled, and no deployable result
+    given: tuple[str, ...] = ()  # what it knows, words of `twin.estimation.registry.GIVEN`
     others: tuple[CaseEstimator, ...] = ()  # further training runs, or ensembles: a row has mean and spread
 
     def run(self, case: Case, seeds: int, samples: range) -> Iterator[Estimates]:
@@ -195,7 +194,7 @@ def build_method(spec: MethodSpec, knowledge: Knowledge) -> Method:
         count = len(knowledge.ensembles)
     built = [spec.build(dataclasses.replace(knowledge, training=place)) for place in range(count)]
     first, *others = [Filtering(each) if isinstance(each, Estimator) else each for each in built]
-    return Method(spec.name, first, spec.oracle, tuple(others))
+    return Method(spec.name, first, spec.oracle, spec.given, tuple(others))
 
 
 def with_innovations(

@@ -10,6 +10,7 @@ from twin.files.bounds import (
     SAMPLE_TIMES,
     check_between,
 )
+from twin.preset.preset import ZERO_DEVIATION_DEG
 
 Condition = tuple[str, float]  # kind and level of a measurement noise
 RECORDED = "recorded"  # noise of a recorded measurement, of unknown distribution
@@ -17,9 +18,9 @@ RECORD_SAMPLE_TIME = 0.02  # of simulated test records [s]; coarser sampling thi
 STEADY_SECONDS = 5.0
 """Left out of `rmse_steady_deg` [s]: the time in which the paper's AM loses the initial error."""
 
+GAUSSIAN_CONDITIONS = (("gaussian", 1.0), ("gaussian", 5.0))
 PAPER_CONDITIONS = (
-    ("gaussian", 1.0),
-    ("gaussian", 5.0),
+    *GAUSSIAN_CONDITIONS,
     ("poisson", 0.1),
     ("poisson", 1.0),
     ("poisson", 2.0),
@@ -44,10 +45,11 @@ UNTRAINED_CONDITIONS = (
     ("stuck", 0.1),
 )
 """Faults of a sensor (`twin.signals.sensor_errors`); the first is none, for twins that no training meets."""
+# Counts are whole degrees: without dither the angle could be read off their lattice.
 SUITES = {
     "paper": PAPER_CONDITIONS + DITHERED_CONDITIONS,
     "paper-only": PAPER_CONDITIONS,
-    "full": PAPER_CONDITIONS + UNSEEN_CONDITIONS,
+    "full": GAUSSIAN_CONDITIONS + DITHERED_CONDITIONS + UNSEEN_CONDITIONS,
     "untrained": UNTRAINED_CONDITIONS,
 }
 
@@ -62,6 +64,7 @@ class Protocol:
     initial_error_deg: float = 20.0  # error of the initial estimate [deg]
     seed: int = 0  # of the draws
     recorded_variance: float | None = None  # R of recorded measurements, used instead of drawn noise [deg^2]
+    sensor_zero_deviation_deg: float = ZERO_DEVIATION_DEG  # of what is known of the mean of their errors
 
     def __post_init__(self) -> None:
         if self.suite not in SUITES:
@@ -69,6 +72,7 @@ class Protocol:
         check_between("seeds", self.seeds, 1, MOST_SEEDS)
         check_between("initial_error_deg", self.initial_error_deg, -LARGEST_ERROR_DEG, LARGEST_ERROR_DEG)
         check_between("sample_time", self.sample_time_s, *SAMPLE_TIMES, "s")
+        check_between("sensor_zero_deviation_deg", self.sensor_zero_deviation_deg, 0, 180, "deg")
         if self.recorded_variance is not None:
             if not 0 < self.recorded_variance <= LARGEST_VARIANCE_DEG2:
                 raise InputError(

@@ -39,6 +39,7 @@ class Score:
         twin: kind of twin, `measured`, or the name of a preset.
         method: name in the tables.
         oracle: whether the method was shown the truth.
+        given: what the method knows, words of `twin.estimation.registry.GIVEN`.
         mae_deg: mean absolute error [deg].
         rmse_deg: root mean square error [deg].
         md_deg: mean |e - mean e| [deg].
@@ -69,6 +70,7 @@ class Score:
     twin: Text = ""
     method: Text
     oracle: Annotated[bool, Field(strict=True)]
+    given: Annotated[tuple[Text, ...], Field(max_length=20)] = ()
     mae_deg: Figure
     rmse_deg: Figure
     md_deg: Figure

@@ -137,13 +137,13 @@ def ranked_table(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> M
         own = by_label.get(of.method, [])
         spec = method_spec(own[0].method if own else of.method)
         coverage = mean_coverage(own)
-        method = html.Cell(of.method, (spec.noise_information,) if spec else ())
+        method = html.Cell(of.method, (spec.knows,) if spec else ())
         rank = html.Cell("-" if of.rank is None else f"{of.rank}", _interval(of.rank_ci95, "d"))
         error = html.Cell(f"{of.rmse_deg:.3f}", _interval(of.rmse_ci95_deg, ".3f"))
         ratio = "-" if of.to_best_ci95 is None else "{:.2f} to {:.2f}".format(*of.to_best_ci95)
         share = "-" if coverage is None else f"{100 * coverage:.0f}"
         rows.append((method, rank, error, ratio, share, f"{own[0].trainings}" if own else "-"))
-    head = ("method, and what it knows of the noise", "rank", "RMSE [deg]", "times the first", "coverage [%]")
+    head = ("method, and what it knows", "rank", "RMSE [deg]", "times the first", "coverage [%]")
     title = f"Methods, {tables.group_name(scores[0].group)}" if scores[0].stroke_mm else "Methods"
     return html.table((*head, "trainings"), rows, title=title, note=RANKED, cards=True, numbers=True)
 

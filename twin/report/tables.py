@@ -448,7 +448,7 @@ def _condition_table(scores: Sequence[Score]) -> str:
     lines = []
     for score in sorted(scores, key=lambda of: of.rmse_deg):
         spec, error = method_spec(score.method), _rmse(score)
-        line = [score.label, spec.noise_information if spec else "-"]
+        line = [score.label, spec.knows if spec else "-"]
         line += [f"**{error}**" if score.label == best else error, _ends(score.to_best_ci95)]
         line += [
             f"{score.rmse_steady_deg:.3f}",
@@ -456,7 +456,7 @@ def _condition_table(scores: Sequence[Score]) -> str:
             _figure(score.width95_deg, ".2f"),
         ]
         lines.append(line)
-    headers = ["method", "knows of the noise", "RMSE [deg]", "times the best", "after 5 s [deg]"]
+    headers = ["method", "knows", "RMSE [deg]", "times the best", "after 5 s [deg]"]
     return aligned_table(lines, [*headers, "coverage [%]", "width [deg]"], left=2)
 
 

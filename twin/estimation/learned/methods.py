@@ -35,7 +35,7 @@ def _learned(
     file: str,
     purpose: str,
     *,
-    knows: str = "R",
+    given: tuple[str, ...] = ("R",),
     models: tuple[str, ...] = (),
     same_filter: bool = False,
     on_twins: bool = False,
@@ -53,12 +53,10 @@ def _learned(
         return step.at(known.sample_time) if on_twins else step
 
     training = Training(agent, file, load, purpose, same_filter=same_filter, on_twins=on_twins)
-    return register_method(
-        MethodSpec(name=name, noise_information=knows, build=build, models=models, training=training)
-    )
+    return register_method(MethodSpec(name=name, given=given, build=build, models=models, training=training))
 
 
-LSTM = _learned("LSTM", "lstm", "lstm.onnx", "LSTM, without a model", knows="nothing")
+LSTM = _learned("LSTM", "lstm", "lstm.onnx", "LSTM, without a model", given=())
 GRU = _learned("GRU", "gru", "gru.onnx", "GRU that knows the noise and the model")
 KALMAN_NET = _learned("KalmanNet", "kalman-net", "kalman_net.onnx", "active model with a learned gain")
 DIRECT = _learned(
@@ -66,7 +64,7 @@ DIRECT = _learned(
     "direct",
     POLICY_FILE,
     "direct RL, without the active model, by PPO",
-    knows="nothing",
+    given=(),
     models=(ColemanHodgdon.name,),
 )
 RAM = _learned(
@@ -100,7 +98,7 @@ def _build_oracle(known: Knowledge) -> CaseEstimator:
 register_method(
     MethodSpec(
         name="RAM (oracle)",
-        noise_information="R, and the truth in its residual, as the paper's text reads",
+        given=("R", "truth"),
         build=_build_oracle,
         models=(ColemanHodgdon.name,),
         trained_as="ram",
@@ -128,6 +126,7 @@ RAM_MEMORY = _learned(
     "ram-memory",
     POLICY_FILE,
     "RAM with a recurrent policy, trained on simulated twins",
+    given=("R", "zero", "ranges"),
     on_twins=True,
     kind=RamMemory,
 )
@@ -135,7 +134,8 @@ RAM_MEMORY = _learned(
 
 def _rival(name: str, agent: str, purpose: str) -> MethodSpec:
     """Register a rival of RAM (twins): a published filter or network on the same twins, noises and loss."""
-    return _learned(name, agent, "network.onnx", f"{purpose}, on simulated twins", on_twins=True)
+    given = ("R", "zero", "ranges")
+    return _learned(name, agent, "network.onnx", f"{purpose}, on simulated twins", given=given, on_twins=True)
 
 
 LSTM_TWINS = _rival("LSTM (twins)", "lstm-twins", "LSTM next to a model")

@@ -225,16 +225,16 @@ def _build(known: Knowledge, parts: tuple[float, float] = ALL_PARTS) -> RamTwins
     return dataclasses.replace(estimator, sample_time=known.sample_time, parts=parts)
 
 
-KNOWN = "R, the size of the noise's mean, a start at rest"
+GIVEN = ("R", "zero", "ranges", "past")
 TRAINING = Training(
     AGENT, POLICY_FILE, load, "RAM on twins that follow the command, trained on simulated ones", on_twins=True
 )
-RAM_TWINS = register_method(MethodSpec("RAM (twins)", _build, KNOWN, training=TRAINING))
+RAM_TWINS = register_method(MethodSpec("RAM (twins)", _build, GIVEN, training=TRAINING))
 register_method(
     MethodSpec(
         "RAM (twins), filter alone",
         functools.partial(_build, parts=FILTER_ALONE),
-        KNOWN,
+        GIVEN,
         trained_as=AGENT,
     )
 )
