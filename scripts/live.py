@@ -1,61 +1,151 @@
-"""Live viewer: a running estimator shown in Foxglove or Lichtblick, over WebSocket (`endotwin[live]`)."""
+"""Live viewer: a running estimator shown in Foxglove or Lichtblick, over WebSocket (`endotwin[live]`).
 
+The protocol is Foxglove's (`foxglove.sdk.v1`): topics are advertised as JSON, messages are binary.
+
+Any web page may open a WebSocket to this machine. A browser states which page asks (`Origin`) and by which
+name (`Host`): pages of others are refused, and so are names that somebody's server has just pointed here
+(DNS rebinding). Programs that are no browsers state no origin.
+"""
+
+import asyncio
+import base64
+import collections
 import contextlib
+import ipaddress
+import json
 import logging
+import socket
+import struct
 import threading
+import time
+from collections.abc import Collection
+from http import HTTPStatus
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from twin.errors import InputError, require_extra
 from twin.live.reading import StreamSample
 from twin.recording.container import schema_data
 from twin.recording.live import LiveMessages
 
+if TYPE_CHECKING:
+    from websockets.asyncio.server import Server, ServerConnection
+    from websockets.http11 import Request, Response
+
 HOST, PORT = "127.0.0.1", 8765
+PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+ORIGINS = (
+    "https://app.foxglove.dev",
+    "https://studio.foxglove.dev",
+    "https://lichtblick-suite.github.io",
+    "file://",  # of their programs for the desktop
+)
+"""Pages that may watch, besides those of this machine."""
 BACKLOG = 1024  # messages that wait for one viewer, of all topics; the oldest give way to new ones
+_MESSAGE = struct.Struct("<BIQ")  # 1 for a message, number of the subscription, log time [ns]
+_LONGEST_REQUEST = 2**16  # bytes of what a viewer may say
 _LONGEST_GOODBYE_S = 1.0
+
+
+def refusal(host: str | None, origin: str | None, listening: str, origins: Collection[str]) -> str | None:
+    """Return why a handshake is refused, or None.
+
+    Known are its headers `Host` and `Origin`, where the server listens, and further pages that may watch.
+    """
+    try:
+        name = urlsplit(f"//{host or ''}").hostname or ""
+        page = None if origin is None else urlsplit(origin).hostname or ""
+    except ValueError:
+        return "its headers cannot be read"
+    own = {listening.lower(), socket.gethostname().lower(), f"{socket.gethostname().lower()}.local"}
+    if not (_is_local(name) or _is_address(name) or name in own):
+        return f"this machine is not {name[:80]!r}: open its address"
+    if origin is None or page is None or _is_local(page):
+        return None
+    if origin.lower().rstrip("/") in {of.lower().rstrip("/") for of in (*ORIGINS, *origins)}:
+        return None
+    return f"pages of {origin[:80]} may not watch: --live-origin allows them"
+
+
+def _is_local(name: str) -> bool:
+    if name == "localhost":
+        return True
+    return _is_address(name) and ipaddress.ip_address(name).is_loopback
+
+
+def _is_address(name: str) -> bool:
+    with contextlib.suppress(ValueError):
+        return bool(ipaddress.ip_address(name))
+    return False
+
+
+class _Viewer:
+    """One viewer that is connected: its subscriptions, and what waits for it."""
+
+    def __init__(self, connection: "ServerConnection", loop: asyncio.AbstractEventLoop) -> None:
+        self.connection = connection
+        self.numbers: dict[str, int] = {}  # of its subscriptions, by topic
+        self._pending = collections.deque[bytes](maxlen=BACKLOG)
+        self._loop, self._ready, self._waits = loop, asyncio.Event(), False
+
+    def offer(self, message: bytes) -> None:
+        """Have a message sent as soon as the viewer takes it; called from any thread."""
+        self._pending.append(message)
+        if self._waits:
+            self._waits = False
+            with contextlib.suppress(RuntimeError):  # the server has just stopped
+                self._loop.call_soon_threadsafe(self._ready.set)
+
+    async def send_all(self) -> None:
+        """Send what waits, for as long as the viewer is connected."""
+        while True:
+            while self._pending:
+                await self.connection.send(self._pending.popleft())
+            self._waits = True
+            if not self._pending:
+                await self._ready.wait()
+            self._ready.clear()
+            self._waits = False
 
 
 class LiveViewer:
     """WebSocket server of all messages of a live stream; any number of viewers may come and go.
 
-    It speaks `foxglove.sdk.v1`. It never waits for a viewer: of one that is slow or gone, the oldest messages
-    are dropped beyond `BACKLOG`, and where as many control messages wait, it is disconnected. Topics
-    without subscribers cost nothing. Messages of viewers are ignored.
+    It never waits for a viewer: of one that is slow or gone, the oldest messages are dropped beyond
+    `BACKLOG`. Topics that nobody watches cost nothing. What viewers say is ignored, but for subscriptions.
     """
 
     def __init__(
-        self, host: str = HOST, port: int = PORT, method: str = "estimator", *, controlled: bool = False
+        self,
+        host: str = HOST,
+        port: int = PORT,
+        method: str = "estimator",
+        *,
+        controlled: bool = False,
+        origins: Collection[str] = (),  # further pages that may watch, as `https://lab.example`
     ) -> None:
         if not 0 <= port <= 65535:
             raise InputError(f"port = {port}: must be from 0 to 65535")
+        for origin in origins:
+            if not (urlsplit(origin).scheme and urlsplit(origin).netloc):
+                raise InputError(f"live origin {origin!r}: must be as https://lab.example")
         require_extra("live", "a live viewer")
-        import foxglove
-
-        logging.getLogger("foxglove").addHandler(logging.NullHandler())  # otherwise it writes to stderr
+        self.host, self._origins = host, origins
         self._stream = LiveMessages(method, controlled=controlled)
-        self._context = foxglove.Context()  # kept: without it, viewers are disconnected
+        self._watching: dict[str, tuple[tuple[int, _Viewer], ...]] = dict.fromkeys(self._stream.schemas, ())
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="live viewer", daemon=True)
+        self._thread.start()
         try:
-            self._server = foxglove.start_server(
-                name="EndoTwin", host=host, port=port, context=self._context, message_backlog_size=BACKLOG
-            )
-        except RuntimeError as error:
-            reason = str(error).rpartition(": ")[2]
+            self._server = asyncio.run_coroutine_threadsafe(self._listen(port), self._loop).result()
+        except OSError as error:
+            self._stop_loop()
+            reason = error.strerror or str(error)
+            reason = reason.rpartition(": ")[2].capitalize()
             raise InputError(
                 f"the live viewer cannot listen on {host}, port {port}: {reason}; choose another port or host"
             ) from error
-        self.host, self.port = host, self._server.port
-        self._channels = {
-            topic: foxglove.Channel(
-                topic,
-                message_encoding="protobuf",
-                schema=foxglove.Schema(
-                    name=message.DESCRIPTOR.full_name,
-                    encoding="protobuf",
-                    data=schema_data(message.DESCRIPTOR),
-                ),
-                context=self._context,
-            )
-            for topic, message in self._stream.schemas.items()
-        }
+        self.port = next(iter(self._server.sockets)).getsockname()[1]
 
     @property
     def url(self) -> str:
@@ -71,6 +161,10 @@ class LiveViewer:
         """Stop listening."""
         self.close()
 
+    def is_watched(self, topic: str) -> bool:
+        """Return whether any viewer has subscribed to a topic."""
+        return bool(self._watching[topic])
+
     def add(self, sample: StreamSample) -> None:
         """Show the next sample, at the time that a recording has it at."""
         timed = self._stream.of(sample)
@@ -78,19 +172,93 @@ class LiveViewer:
             return
         log_time, _, messages = timed
         for topic, message in messages.items():
-            channel = self._channels[topic]
-            if channel.has_sinks():
-                channel.log(message.SerializeToString(), log_time=log_time)
+            watching = self._watching[topic]
+            if watching:
+                data = message.SerializeToString()
+                for number, viewer in watching:
+                    viewer.offer(_MESSAGE.pack(1, number, log_time) + data)
 
     def close(self) -> None:
         """Disconnect all viewers and stop listening, within a second; a second call does nothing."""
-        for channel in self._channels.values():
-            channel.close()
-        # It waits until each viewer has taken its leave, which one that hangs never does.
-        stopping = threading.Thread(target=self._stop, name="live viewer", daemon=True)
-        stopping.start()
-        stopping.join(_LONGEST_GOODBYE_S)
+        if self._thread.is_alive():
+            with contextlib.suppress(TimeoutError):
+                asyncio.run_coroutine_threadsafe(self._goodbye(), self._loop).result(_LONGEST_GOODBYE_S)
+            self._stop_loop()
 
-    def _stop(self) -> None:
-        with contextlib.suppress(Exception):
-            self._server.stop()
+    def _stop_loop(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(_LONGEST_GOODBYE_S)
+
+    async def _goodbye(self) -> None:
+        self._server.close()
+        await self._server.wait_closed()
+
+    async def _listen(self, port: int) -> "Server":
+        from websockets.asyncio.server import serve
+
+        quiet = logging.getLogger("endotwin.live")  # else failed handshakes are written to stderr
+        quiet.addHandler(logging.NullHandler())
+        quiet.propagate = False
+        return await serve(
+            self._serve,
+            self.host,
+            port,
+            subprotocols=PROTOCOLS,  # type: ignore[arg-type]  # plain text is one
+            process_request=self._judge,
+            compression=None,
+            max_size=_LONGEST_REQUEST,
+            close_timeout=_LONGEST_GOODBYE_S / 2,
+            logger=quiet,
+        )
+
+    def _judge(self, connection: "ServerConnection", request: "Request") -> "Response | None":
+        host, origin = (request.headers.get_all(name) for name in ("Host", "Origin"))
+        if len(host) > 1 or len(origin) > 1:
+            why: str | None = "a header is there twice"
+        else:
+            why = refusal(host[0] if host else None, origin[0] if origin else None, self.host, self._origins)
+        return None if why is None else connection.respond(HTTPStatus.FORBIDDEN, f"{why}\n")
+
+    async def _serve(self, connection: "ServerConnection") -> None:
+        """Tell a new viewer what there is, and take its subscriptions."""
+        info = {"op": "serverInfo", "name": "EndoTwin", "capabilities": [], "sessionId": str(time.time_ns())}
+        channels = [
+            {
+                "id": number,
+                "topic": topic,
+                "encoding": "protobuf",
+                "schemaName": message.DESCRIPTOR.full_name,
+                "schema": base64.b64encode(schema_data(message.DESCRIPTOR)).decode(),
+                "schemaEncoding": "protobuf",
+            }
+            for number, (topic, message) in enumerate(self._stream.schemas.items(), start=1)
+        ]
+        viewer = _Viewer(connection, self._loop)
+        sending = asyncio.create_task(viewer.send_all())
+        try:
+            await connection.send(json.dumps(info))
+            await connection.send(json.dumps({"op": "advertise", "channels": channels}))
+            async for text in connection:
+                self._subscribe(viewer, text)
+        finally:
+            sending.cancel()
+            viewer.numbers = {}
+            self._rewatch(viewer)
+
+    def _subscribe(self, viewer: _Viewer, text: str | bytes) -> None:
+        """Take what a viewer says; what is no subscription is ignored."""
+        topics = dict(enumerate(self._stream.schemas, start=1))
+        with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
+            said = json.loads(text)
+            if said["op"] == "subscribe":
+                viewer.numbers |= {topics[of["channelId"]]: int(of["id"]) for of in said["subscriptions"]}
+            elif said["op"] == "unsubscribe":
+                gone = said["subscriptionIds"]
+                viewer.numbers = {topic: of for topic, of in viewer.numbers.items() if of not in gone}
+            self._rewatch(viewer)
+
+    def _rewatch(self, viewer: _Viewer) -> None:
+        for topic, watching in self._watching.items():
+            others = tuple(of for of in watching if of[1] is not viewer)
+            own = ((viewer.numbers[topic], viewer),) if topic in viewer.numbers else ()
+            self._watching[topic] = others + own

@@ -77,6 +77,9 @@ class Run:
     """Address for viewers; any but this machine's own is open to the network."""
     live_port: int = 8765
     """Port for viewers; 0 for a free one."""
+    live_origin: tuple[str, ...] = ()
+    """Web pages that may watch, as https://lab.example, besides those of this machine and of Foxglove and
+    Lichtblick."""
     json: bool = False
     """Print the summary as one JSON object; live, on stderr, as stdout is the stream."""
 
@@ -244,7 +247,13 @@ def _viewer(args: Run, runtime: "AssuredEstimator") -> "Sink | None":
         return None
     from scripts.live import LiveViewer
 
-    viewer = LiveViewer(args.live_host, args.live_port, runtime.method, controlled=args.stroke is not None)
+    viewer = LiveViewer(
+        args.live_host,
+        args.live_port,
+        runtime.method,
+        controlled=args.stroke is not None,
+        origins=args.live_origin,
+    )
     complain(f"endotwin run: open {viewer.url} in Foxglove or Lichtblick")
     return viewer
 

@@ -31,7 +31,7 @@ EXTRAS = {
     "parquet": ("pyarrow",),
     "logs": ("rosbags", "openpyxl"),
     "tensorboard": ("tensorboard",),
-    "live": ("foxglove",),
+    "live": ("websockets",),
     "benchmark": ("filterpy",),
     "vision": ("cv2",),
 }

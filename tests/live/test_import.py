@@ -6,7 +6,7 @@ import sys
 import pytest
 
 HEAVY = {
-    *("dm_control", "foxglove", "gymnasium", "matplotlib", "mcap", "mujoco", "numba", "pymoo"),
+    *("dm_control", "gymnasium", "matplotlib", "mcap", "mujoco", "numba", "pymoo", "websockets"),
     *("scipy.optimize", "stable_baselines3", "torch", "tyro"),
 }
 """Modules of training, simulation, figures, files and command lines."""

@@ -5,6 +5,7 @@ import contextlib
 import json
 import os
 import signal
+import socket
 import struct
 import subprocess
 import sys
@@ -20,7 +21,6 @@ from repository import ENVIRONMENT
 from twin.errors import MissingExtraError
 from twin.live.reading import Alarm, Health, Reading, Source
 
-pytest.importorskip("foxglove")
 client = pytest.importorskip("websockets.sync.client")
 
 from scripts.live import LiveViewer  # noqa: E402
@@ -46,7 +46,7 @@ class Client:
         wanted = [{"id": number, "channelId": self.channels[t]["id"]} for number, t in self.ids.items()]
         self.socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
         for _ in range(1000):
-            if all(viewer._channels[topic].has_sinks() for topic in topics):
+            if all(viewer.is_watched(topic) for topic in topics):
                 return
             time.sleep(0.02)
         raise AssertionError("no viewer has subscribed")
@@ -138,7 +138,7 @@ def test_a_viewer_that_hangs_neither_blocks_nor_fills_the_memory(viewer):
     try:
         assert stalled.stdout.readline().strip() == b"subscribed"
         for _ in range(1000):
-            if viewer._channels["/command"].has_sinks():
+            if viewer.is_watched("/command"):
                 break
             time.sleep(0.02)
         os.kill(stalled.pid, signal.SIGSTOP)
@@ -162,6 +162,85 @@ def test_a_viewer_that_hangs_neither_blocks_nor_fills_the_memory(viewer):
         stalled.wait()
 
 
+def handshake(viewer: LiveViewer, **headers: str) -> int:
+    """Return the status that a handshake with these headers is answered with."""
+    said = {"Host": f"127.0.0.1:{viewer.port}", "Upgrade": "websocket", "Connection": "Upgrade"}
+    said |= {"Sec-WebSocket-Key": base64.b64encode(bytes(16)).decode(), "Sec-WebSocket-Version": "13"}
+    said |= {"Sec-WebSocket-Protocol": PROTOCOL}
+    lines = [f"{name}: {value}" for name, value in (said | headers).items()]
+    with socket.create_connection((viewer.host, viewer.port), timeout=20) as raw:
+        raw.sendall("\r\n".join(["GET / HTTP/1.1", *lines, "", ""]).encode())
+        return int(raw.recv(1024).split()[1])
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [
+        "https://app.foxglove.dev",
+        "https://lichtblick-suite.github.io",
+        "file://",
+        "http://localhost:8080",
+        "http://127.0.0.1",
+        "http://[::1]:5000",
+    ],
+)
+def test_pages_of_viewers_and_of_this_machine_may_watch(viewer, origin):
+    assert handshake(viewer, Origin=origin) == 101
+    assert handshake(viewer, Origin=origin, Host=f"localhost:{viewer.port}") == 101
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [
+        "https://evil.example",
+        "null",
+        "https://app.foxglove.dev.evil.example",
+        "https://evil.example/https://app.foxglove.dev",
+        "http://localhost.evil.example",
+        "http://127.0.0.1.evil.example",
+        "http://app.foxglove.dev",
+        "",
+    ],
+)
+def test_a_page_of_others_may_not_watch(viewer, origin):
+    assert handshake(viewer, Origin=origin) == 403
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:8765", "localhost.evil.example", "", "[::1"])
+def test_a_name_that_was_pointed_at_this_machine_is_refused(viewer, host):
+    """DNS rebinding: the page and the name are of one server, so that the browser lets it ask."""
+    assert handshake(viewer, Host=host) >= 400
+    assert handshake(viewer, Host=host, Origin=f"http://{host}") >= 400
+
+
+def test_a_page_may_watch_that_the_user_allows():
+    with LiveViewer(port=0, method=METHOD, origins=["https://lab.example"]) as viewer:
+        assert handshake(viewer, Origin="https://lab.example") == 101
+        assert handshake(viewer, Origin="https://other.example") == 403
+    with pytest.raises(ValueError, match=r"live origin 'lab': must be as https://lab\.example"):
+        LiveViewer(port=0, method=METHOD, origins=["lab"])
+
+
+def test_nonsense_of_a_viewer_is_ignored(viewer):
+    seen = Client(viewer.url)
+    for said in (
+        "{",
+        "[]",
+        '{"op": 1}',
+        '{"op": "subscribe"}',
+        b"\x01\x02",
+        '{"op": "subscribe", "subscriptions": [7]}',
+    ):
+        seen.socket.send(said)
+    seen.subscribe(viewer, {ESTIMATE})
+    seen.socket.send(json.dumps({"op": "unsubscribe", "subscriptionIds": list(seen.ids)}))
+    for _ in range(1000):
+        if not viewer.is_watched(ESTIMATE):
+            break
+        time.sleep(0.02)
+    assert not viewer.is_watched(ESTIMATE)
+
+
 def test_a_port_in_use_is_said_in_one_line(viewer):
     with pytest.raises(ValueError, match=f"cannot listen on 127.0.0.1, port {viewer.port}: Address already"):
         LiveViewer(port=viewer.port, method=METHOD)
@@ -170,6 +249,6 @@ def test_a_port_in_use_is_said_in_one_line(viewer):
 def test_without_the_package_the_extra_is_named(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(
-        MissingExtraError, match=r"a live viewer needs foxglove: pip install 'endotwin\[live\]'"
+        MissingExtraError, match=r"a live viewer needs websockets: pip install 'endotwin\[live\]'"
     ):
         LiveViewer(port=0, method=METHOD)
