@@ -58,7 +58,7 @@ def refusal(host: str | None, origin: str | None, listening: str, origins: Colle
     except ValueError:
         return "its headers cannot be read"
     own = {listening.lower(), socket.gethostname().lower(), f"{socket.gethostname().lower()}.local"}
-    if not (_is_local(name) or _is_address(name) or name in own):
+    if not name or not (_is_local(name) or _is_address(name) or name in own):
         return f"this machine is not {name[:80]!r}: open its address"
     if origin is None or page is None or _is_local(page):
         return None

@@ -98,6 +98,20 @@ def test_a_record_without_measurements_is_refused(folder):
         make_case([(0, bare)], RECORDED)
 
 
+def test_what_is_known_of_the_zero_of_recorded_measurements_is_stated(folder, capsys, tmp_path, model):
+    record = evaluation_record(read_episode(episode_files(folder)[0]), 0)
+    for stated in (0.0, 0.7):
+        case = make_case([(0, record)], dataclasses.replace(RECORDED, sensor_zero_deviation_deg=stated))
+        assert case.sensor.zero_deviation_deg.tolist() == [stated]
+    assert make_case([(0, record)], RECORDED).sensor.zero_deviation_deg.tolist() == [2.0]
+    (tmp_path / "model.json").write_text(json.dumps(model.to_dict()))
+    line = f"{folder} --model {tmp_path}/model.json --measurements drawn --sensor-zero-deviation-deg 0"
+    line += f" --out {tmp_path}/out"
+    assert verb.main(line.split()) == 2
+    assert "--sensor-zero-deviation-deg is for --measurements recorded" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_estimates_are_written_with_the_episode(folder, tmp_path, model):
     active_model = ActiveModel(model, 0.1)
     methods = [as_method("AM (toy, x)", active_model), Method("seer", lambda case: 1 / 0, oracle=True)]
@@ -124,6 +138,7 @@ def test_the_verb_scores_recorded_measurements_and_writes_estimates(folder, tmp_
     evaluation = json.loads((tmp_path / "out/evaluation.json").read_text())
     assert {row["method"] for row in evaluation["rows"]} == {"C-H", "AM"}
     assert {row["noise"] for row in evaluation["rows"]} == {"recorded"}
+    assert {row["method"]: row["given"] for row in evaluation["rows"]} == {"C-H": [], "AM": ["R"]}
     topics = {estimate_topic(name) for name in ("C-H", "AM")}
     for path in episode_files(tmp_path / "out/estimates"):
         assert {message.topic for message in read_protobuf_messages(path)} >= topics
