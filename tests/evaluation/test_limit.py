@@ -84,7 +84,7 @@ def test_no_method_is_better_than_the_limit_and_it_is_near_its_bound(ensembles, 
         with_r, knows = (rmse[name, "gaussian", 1.0, low] for name in ("Ensemble", "Ensemble (limit)"))
         assert knows == pytest.approx(with_r, rel=0.05)  # R says all of Gaussian noise
         assert knows < 0.6  # the measurement itself: 1
-        for noise, level in (("poisson", 2.0), ("salt-and-pepper", 0.05), ("gamma", 1.0)):
+        for noise, level in (("poisson-dithered", 2.0), ("salt-and-pepper", 0.05), ("gamma", 1.0)):
             limit = rmse["Ensemble (limit)", noise, level, low]
             assert limit < 0.7 * rmse["Ensemble", noise, level, low]
             assert rmse["Particles (limit)", noise, level, low] < 1.1 * limit
