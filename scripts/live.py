@@ -3,14 +3,15 @@
 The protocol is Foxglove's (`foxglove.sdk.v1`): topics are advertised as JSON, messages are binary.
 
 Any web page may open a WebSocket to this machine. A browser states which page asks (`Origin`) and by which
-name (`Host`): pages of others are refused, and so are names that somebody's server has just pointed here
-(DNS rebinding). Programs that are no browsers state no origin.
+name (`Host`): pages of others are refused, and so are names that were just pointed here by another
+server (DNS rebinding). Programs that are no browsers state no origin.
 """
 
 import asyncio
 import base64
 import collections
 import contextlib
+import functools
 import ipaddress
 import json
 import logging
@@ -24,6 +25,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from twin.errors import InputError, require_extra
+from twin.files.shown import shown
 from twin.live.reading import StreamSample
 from twin.recording.container import schema_data
 from twin.recording.live import LiveMessages
@@ -43,6 +45,7 @@ ORIGINS = (
 """Pages that may watch, besides those of this machine."""
 BACKLOG = 1024  # messages that wait for one viewer, of all topics; the oldest give way to new ones
 _MESSAGE = struct.Struct("<BIQ")  # 1 for a message, number of the subscription, log time [ns]
+_LARGEST_NUMBER = 2**32 - 1  # of a subscription
 _LONGEST_REQUEST = 2**16  # bytes of what a viewer may say
 _LONGEST_GOODBYE_S = 1.0
 
@@ -53,30 +56,26 @@ def refusal(host: str | None, origin: str | None, listening: str, origins: Colle
     Known are its headers `Host` and `Origin`, where the server listens, and further pages that may watch.
     """
     try:
-        name = urlsplit(f"//{host or ''}").hostname or ""
-        page = None if origin is None else urlsplit(origin).hostname or ""
+        name, page = (urlsplit(of).hostname or "" for of in (f"//{host or ''}", origin or ""))
     except ValueError:
         return "its headers cannot be read"
-    own = {listening.lower(), socket.gethostname().lower(), f"{socket.gethostname().lower()}.local"}
-    if not name or not (_is_local(name) or _is_address(name) or name in own):
-        return f"this machine is not {name[:80]!r}: open its address"
-    if origin is None or page is None or _is_local(page):
+    machine = socket.gethostname().lower()
+    own = {"localhost", listening.lower(), machine, f"{machine}.local"}
+    if not name or not (name in own or _address(name)):
+        return f"this machine is not {shown(name)}: open its address"
+    address = _address(page)
+    if origin is None or page == "localhost" or (address and address.is_loopback):
         return None
     if origin.lower().rstrip("/") in {of.lower().rstrip("/") for of in (*ORIGINS, *origins)}:
         return None
-    return f"pages of {origin[:80]} may not watch: --live-origin allows them"
+    return f"pages of {shown(origin)} may not watch: --live-origin allows them"
 
 
-def _is_local(name: str) -> bool:
-    if name == "localhost":
-        return True
-    return _is_address(name) and ipaddress.ip_address(name).is_loopback
-
-
-def _is_address(name: str) -> bool:
+def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """Return the address that a name is, or None where it is no address."""
     with contextlib.suppress(ValueError):
-        return bool(ipaddress.ip_address(name))
-    return False
+        return ipaddress.ip_address(name)
+    return None
 
 
 class _Viewer:
@@ -84,7 +83,7 @@ class _Viewer:
 
     def __init__(self, connection: "ServerConnection", loop: asyncio.AbstractEventLoop) -> None:
         self.connection = connection
-        self.numbers: dict[str, int] = {}  # of its subscriptions, by topic
+        self.numbers: dict[str, int] = {}  # of its subscriptions, by topic; replaced as a whole
         self._pending = collections.deque[bytes](maxlen=BACKLOG)
         self._loop, self._ready, self._waits = loop, asyncio.Event(), False
 
@@ -112,7 +111,7 @@ class LiveViewer:
     """WebSocket server of all messages of a live stream; any number of viewers may come and go.
 
     It never waits for a viewer: of one that is slow or gone, the oldest messages are dropped beyond
-    `BACKLOG`. Topics that nobody watches cost nothing. What viewers say is ignored, but for subscriptions.
+    `BACKLOG`. Topics without viewers cost nothing. What viewers say is ignored, but for subscriptions.
     """
 
     def __init__(
@@ -132,7 +131,8 @@ class LiveViewer:
         require_extra("live", "a live viewer")
         self.host, self._origins = host, origins
         self._stream = LiveMessages(method, controlled=controlled)
-        self._watching: dict[str, tuple[tuple[int, _Viewer], ...]] = dict.fromkeys(self._stream.schemas, ())
+        self._topics = dict(enumerate(self._stream.schemas, start=1))
+        self._viewers: tuple[_Viewer, ...] = ()  # replaced as a whole: `add` runs in another thread
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="live viewer", daemon=True)
         self._thread.start()
@@ -163,7 +163,7 @@ class LiveViewer:
 
     def is_watched(self, topic: str) -> bool:
         """Return whether any viewer has subscribed to a topic."""
-        return bool(self._watching[topic])
+        return any(topic in viewer.numbers for viewer in self._viewers)
 
     def add(self, sample: StreamSample) -> None:
         """Show the next sample, at the time that a recording has it at."""
@@ -172,10 +172,10 @@ class LiveViewer:
             return
         log_time, _, messages = timed
         for topic, message in messages.items():
-            watching = self._watching[topic]
-            if watching:
-                data = message.SerializeToString()
-                for number, viewer in watching:
+            watching = [(viewer, viewer.numbers.get(topic)) for viewer in self._viewers]
+            data = message.SerializeToString() if any(number is not None for _, number in watching) else b""
+            for viewer, number in watching:
+                if number is not None:
                     viewer.offer(_MESSAGE.pack(1, number, log_time) + data)
 
     def close(self) -> None:
@@ -221,44 +221,44 @@ class LiveViewer:
 
     async def _serve(self, connection: "ServerConnection") -> None:
         """Tell a new viewer what there is, and take its subscriptions."""
+        viewer = _Viewer(connection, self._loop)
+        self._viewers += (viewer,)
+        sending = asyncio.create_task(viewer.send_all())
+        try:
+            for message in self._greeting:
+                await connection.send(message)
+            async for text in connection:
+                self._subscribe(viewer, text)
+        finally:
+            sending.cancel()
+            self._viewers = tuple(of for of in self._viewers if of is not viewer)
+
+    @functools.cached_property
+    def _greeting(self) -> tuple[str, str]:
+        """What each viewer is told first: the server, and its topics."""
         info = {"op": "serverInfo", "name": "EndoTwin", "capabilities": [], "sessionId": str(time.time_ns())}
+        schemas = {topic: self._stream.schemas[topic].DESCRIPTOR for topic in self._topics.values()}
         channels = [
             {
                 "id": number,
                 "topic": topic,
                 "encoding": "protobuf",
-                "schemaName": message.DESCRIPTOR.full_name,
-                "schema": base64.b64encode(schema_data(message.DESCRIPTOR)).decode(),
+                "schemaName": schemas[topic].full_name,
+                "schema": base64.b64encode(schema_data(schemas[topic])).decode(),
                 "schemaEncoding": "protobuf",
             }
-            for number, (topic, message) in enumerate(self._stream.schemas.items(), start=1)
+            for number, topic in self._topics.items()
         ]
-        viewer = _Viewer(connection, self._loop)
-        sending = asyncio.create_task(viewer.send_all())
-        try:
-            await connection.send(json.dumps(info))
-            await connection.send(json.dumps({"op": "advertise", "channels": channels}))
-            async for text in connection:
-                self._subscribe(viewer, text)
-        finally:
-            sending.cancel()
-            viewer.numbers = {}
-            self._rewatch(viewer)
+        return json.dumps(info), json.dumps({"op": "advertise", "channels": channels})
 
     def _subscribe(self, viewer: _Viewer, text: str | bytes) -> None:
         """Take what a viewer says; what is no subscription is ignored."""
-        topics = dict(enumerate(self._stream.schemas, start=1))
-        with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
+        with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError, OverflowError):
             said = json.loads(text)
             if said["op"] == "subscribe":
-                viewer.numbers |= {topics[of["channelId"]]: int(of["id"]) for of in said["subscriptions"]}
+                wanted = {self._topics[of["channelId"]]: int(of["id"]) for of in said["subscriptions"]}
+                if all(0 <= number <= _LARGEST_NUMBER for number in wanted.values()):
+                    viewer.numbers = viewer.numbers | wanted
             elif said["op"] == "unsubscribe":
                 gone = said["subscriptionIds"]
                 viewer.numbers = {topic: of for topic, of in viewer.numbers.items() if of not in gone}
-            self._rewatch(viewer)
-
-    def _rewatch(self, viewer: _Viewer) -> None:
-        for topic, watching in self._watching.items():
-            others = tuple(of for of in watching if of[1] is not viewer)
-            own = ((viewer.numbers[topic], viewer),) if topic in viewer.numbers else ()
-            self._watching[topic] = others + own

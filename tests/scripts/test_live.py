@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 
 import psutil
 import pytest
@@ -30,6 +31,14 @@ MESSAGE = struct.Struct("<BIQ")  # opcode 1, subscription, log time [ns]
 TOPICS = {"/command", "/measurement", ESTIMATE, "/health"}
 
 
+def wait_until(holds: Callable[[], bool]) -> None:
+    for _ in range(1000):
+        if holds():
+            return
+        time.sleep(0.02)
+    raise AssertionError("the server has not taken what the viewer said")
+
+
 class Client:
     """Viewer of its own: WebSocket by `websockets`, messages by the schemas that it is sent."""
 
@@ -45,11 +54,7 @@ class Client:
         self.ids = {number: topic for number, topic in enumerate(sorted(topics), start=1)}
         wanted = [{"id": number, "channelId": self.channels[t]["id"]} for number, t in self.ids.items()]
         self.socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-        for _ in range(1000):
-            if all(viewer.is_watched(topic) for topic in topics):
-                return
-            time.sleep(0.02)
-        raise AssertionError("no viewer has subscribed")
+        wait_until(lambda: all(viewer.is_watched(topic) for topic in topics))
 
     def estimate_next_to_others(self, viewer: LiveViewer, bend_deg: float) -> float:
         """Return an estimate that is shown again and again, where others have subscribed to it already."""
@@ -137,10 +142,7 @@ def test_a_viewer_that_hangs_neither_blocks_nor_fills_the_memory(viewer):
     stalled = subprocess.Popen(words, env=ENVIRONMENT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     try:
         assert stalled.stdout.readline().strip() == b"subscribed"
-        for _ in range(1000):
-            if viewer.is_watched("/command"):
-                break
-            time.sleep(0.02)
+        wait_until(lambda: viewer.is_watched("/command"))
         os.kill(stalled.pid, signal.SIGSTOP)
         process, one = psutil.Process(), sample(0.0)
         for k in range(20_000):  # 80,000 messages
@@ -230,15 +232,16 @@ def test_nonsense_of_a_viewer_is_ignored(viewer):
         '{"op": "subscribe"}',
         b"\x01\x02",
         '{"op": "subscribe", "subscriptions": [7]}',
+        '{"op": "subscribe", "subscriptions": [{"id": 4294967296, "channelId": 1}]}',
+        '{"op": "subscribe", "subscriptions": [{"id": -1, "channelId": 1}]}',
+        '{"op": "subscribe", "subscriptions": [{"id": 1e999, "channelId": 1}]}',
     ):
         seen.socket.send(said)
     seen.subscribe(viewer, {ESTIMATE})
+    viewer.add(sample(1.0))
+    assert seen.receive()[0] == ESTIMATE
     seen.socket.send(json.dumps({"op": "unsubscribe", "subscriptionIds": list(seen.ids)}))
-    for _ in range(1000):
-        if not viewer.is_watched(ESTIMATE):
-            break
-        time.sleep(0.02)
-    assert not viewer.is_watched(ESTIMATE)
+    wait_until(lambda: not viewer.is_watched(ESTIMATE))
 
 
 def test_a_port_in_use_is_said_in_one_line(viewer):
