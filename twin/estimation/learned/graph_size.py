@@ -92,8 +92,8 @@ def _first(given: Given, outputs: int) -> list[Shape]:
 
 def _gemm(given: Given, outputs: int) -> list[Shape]:
     a, b = (
-        shape[:: -1 if given.number(name, 0) else 1]
-        for shape, name in zip(given.shapes, _TURNED, strict=False)
+        shape[::-1] if given.number(name, 0) else shape
+        for shape, name in zip(given.shapes[:2], ("transA", "transB"), strict=True)
     )
     return [_products(a, b)]
 
@@ -111,20 +111,27 @@ def _products(a: Shape, b: Shape) -> Shape:
     return (*np.broadcast_shapes(a[:-2], b[:-2]), a[-2], b[-1])
 
 
+def _from_start(axes: Sequence[int], rank: int) -> list[int]:
+    """Return axes counted from the first one; one that there is not raises `IndexError`."""
+    return [range(rank)[axis] for axis in axes]
+
+
+def _without(shape: Shape, axes: Sequence[int]) -> Shape:
+    return tuple(length for axis, length in enumerate(shape) if axis not in axes)
+
+
 def _reduced(given: Given, outputs: int) -> list[Shape]:
-    shape = given.shapes[0]
-    axes = given.whole("axes", 1)
-    chosen = range(len(shape)) if axes is None else [range(len(shape))[axis] for axis in axes]
+    shape, axes = given.shapes[0], given.whole("axes", 1)
+    chosen = _from_start(range(len(shape)) if axes is None else axes, len(shape))
     if given.number("keepdims", 1):
         return [tuple(1 if axis in chosen else length for axis, length in enumerate(shape))]
-    return [tuple(length for axis, length in enumerate(shape) if axis not in chosen)]
+    return [_without(shape, chosen)]
 
 
 def _concatenated(given: Given, outputs: int) -> list[Shape]:
     shapes = given.shapes
     axis = range(len(shapes[0]))[given.number("axis", 0)]
-    others = {(*shape[:axis], *shape[axis + 1 :]) for shape in shapes}
-    if len(others) > 1:
+    if len({_without(shape, [axis]) for shape in shapes}) > 1:
         raise ValueError("no concatenation")
     return [(*shapes[0][:axis], sum(shape[axis] for shape in shapes), *shapes[0][axis + 1 :])]
 
@@ -147,10 +154,9 @@ def _split(given: Given, outputs: int) -> list[Shape]:
 
 def _squeezed(given: Given, outputs: int) -> list[Shape]:
     shape, axes = given.shapes[0], given.whole("axes", 1)
-    gone = [axis for axis, length in enumerate(shape) if length == 1]
-    if axes is not None:
-        gone = [range(len(shape))[axis] for axis in axes]
-    return [tuple(length for axis, length in enumerate(shape) if axis not in gone)]
+    if axes is None:
+        axes = tuple(axis for axis, length in enumerate(shape) if length == 1)
+    return [_without(shape, _from_start(axes, len(shape)))]
 
 
 def _unsqueezed(given: Given, outputs: int) -> list[Shape]:
@@ -158,7 +164,7 @@ def _unsqueezed(given: Given, outputs: int) -> list[Shape]:
     if axes is None:
         raise ValueError("no axes")
     rank = len(shape) + len(axes)
-    new = {range(rank)[axis] for axis in axes}
+    new = _from_start(axes, rank)
     left = iter(shape)
     return [tuple(1 if axis in new else next(left) for axis in range(rank))]
 
@@ -168,7 +174,6 @@ def _transposed(given: Given, outputs: int) -> list[Shape]:
     return [tuple(shape[axis] for axis in given.numbers.get("perm", range(len(shape))[::-1]))]
 
 
-_TURNED = ("transA", "transB")
 _SHAPES: dict[str, Callable[[Given, int], list[Shape]]] = {
     **dict.fromkeys(("Cast", "Clip", "Identity", "Softmax"), _first),
     **dict.fromkeys(("ReduceMax", "ReduceMean", "ReduceSum"), _reduced),
