@@ -163,7 +163,8 @@ def recent(state: FilterState, seen: Tensor, innovation: Tensor, doubt: Tensor) 
     """Return the running statistics with one more innovation, in units of sqrt(R).
 
     Running means of the innovation, of its product with the one before and of its normalised square, over a
-    few samples and over many, and the last one.
+    few samples and over many; over many, of the product and the square as `independence` reads them; and the
+    last one.
     """
     average, product, square, slow_product, slow_square, slow_average, lagged, power, last = (
         of[:, 0] for of in state.statistics.split(1, dim=1)

@@ -51,6 +51,7 @@ def test_every_method_has_one_row_of_the_table():
     assert [spec.name for spec in specs] == list(METHODS)
     assert proposed_method().name == "RAM"
     assert [spec.name for spec in specs if spec.presentation.is_limit] == ["Ensemble (limit)"]
+    assert all(set(spec.given) <= set(registry.GIVEN) for spec in specs)
     columns = [row.paper_column for row in METHODS.values() if row.paper_column is not None]
     assert sorted(columns) == [0, 1, 2, 3]
     assert set(trainings()) >= {"ram", "direct", "lstm", "gru", "kalman-net"}

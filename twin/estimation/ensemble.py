@@ -465,7 +465,7 @@ def _register(name: str, build: Build, *of_noise: str, needs_density: bool = Fal
 
 _register("Ensemble", _known_variance, "R")
 _register("Ensemble with bias", _unknown_zero, "R", "zero")
-_register("Particles (families)", _families, "R", "families of the law")
+_register("Particles (families)", _families, "R", "families")
 _register("Ensemble (limit)", _known_density, "law", needs_density=True)
 _register("Ensemble (limit, zero unknown)", _known_shape, "law", "zero", needs_density=True)
 _register("Particles (limit)", _particles, "law", needs_density=True)

@@ -28,6 +28,7 @@ GIVEN = {
     "zero": "how well the mean of the sensor's errors is known: their standard deviation, not their sign",
     "bound": "the largest magnitude of the noise",
     "law": "the density of the noise: its family and its parameters; its mean too, without *zero*",
+    "families": "the families that the law may be of",
     "ranges": "the twins of a preset, and the ranges that the endoscopes under test are drawn from",
     "past": "that a session starts at rest, and the command since then",
     "truth": "the true angle: an oracle",

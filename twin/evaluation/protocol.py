@@ -11,6 +11,7 @@ from twin.files.bounds import (
     check_between,
 )
 from twin.preset.preset import ZERO_DEVIATION_DEG
+from twin.preset.sensor import LIMITS as SENSOR_LIMITS
 
 Condition = tuple[str, float]  # kind and level of a measurement noise
 RECORDED = "recorded"  # noise of a recorded measurement, of unknown distribution
@@ -72,7 +73,12 @@ class Protocol:
         check_between("seeds", self.seeds, 1, MOST_SEEDS)
         check_between("initial_error_deg", self.initial_error_deg, -LARGEST_ERROR_DEG, LARGEST_ERROR_DEG)
         check_between("sample_time", self.sample_time_s, *SAMPLE_TIMES, "s")
-        check_between("sensor_zero_deviation_deg", self.sensor_zero_deviation_deg, 0, 180, "deg")
+        check_between(
+            "sensor_zero_deviation_deg",
+            self.sensor_zero_deviation_deg,
+            *SENSOR_LIMITS["zero_deviation_deg"],
+            "deg",
+        )
         if self.recorded_variance is not None:
             if not 0 < self.recorded_variance <= LARGEST_VARIANCE_DEG2:
                 raise InputError(

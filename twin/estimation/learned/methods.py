@@ -29,6 +29,10 @@ ACTIONS = {
 """What their actions stand for."""
 
 
+ON_TWINS = ("R", "zero", "ranges")
+"""What a method is given that learned on simulated twins."""
+
+
 def _learned(
     name: str,
     agent: str,
@@ -126,7 +130,7 @@ RAM_MEMORY = _learned(
     "ram-memory",
     POLICY_FILE,
     "RAM with a recurrent policy, trained on simulated twins",
-    given=("R", "zero", "ranges"),
+    given=ON_TWINS,
     on_twins=True,
     kind=RamMemory,
 )
@@ -134,8 +138,9 @@ RAM_MEMORY = _learned(
 
 def _rival(name: str, agent: str, purpose: str) -> MethodSpec:
     """Register a rival of RAM (twins): a published filter or network on the same twins, noises and loss."""
-    given = ("R", "zero", "ranges")
-    return _learned(name, agent, "network.onnx", f"{purpose}, on simulated twins", given=given, on_twins=True)
+    return _learned(
+        name, agent, "network.onnx", f"{purpose}, on simulated twins", given=ON_TWINS, on_twins=True
+    )
 
 
 LSTM_TWINS = _rival("LSTM (twins)", "lstm-twins", "LSTM next to a model")

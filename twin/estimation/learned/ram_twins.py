@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.estimation.knowledge import Knowledge
-from twin.estimation.learned.methods import POLICY_FILE
+from twin.estimation.learned.methods import ON_TWINS, POLICY_FILE
 from twin.estimation.learned.step import (
     ALL_PARTS,
     FILTER_ALONE,
@@ -225,16 +225,16 @@ def _build(known: Knowledge, parts: tuple[float, float] = ALL_PARTS) -> RamTwins
     return dataclasses.replace(estimator, sample_time=known.sample_time, parts=parts)
 
 
-GIVEN = ("R", "zero", "ranges", "past")
+_GIVEN = (*ON_TWINS, "past")
 TRAINING = Training(
     AGENT, POLICY_FILE, load, "RAM on twins that follow the command, trained on simulated ones", on_twins=True
 )
-RAM_TWINS = register_method(MethodSpec("RAM (twins)", _build, GIVEN, training=TRAINING))
+RAM_TWINS = register_method(MethodSpec("RAM (twins)", _build, _GIVEN, training=TRAINING))
 register_method(
     MethodSpec(
         "RAM (twins), filter alone",
         functools.partial(_build, parts=FILTER_ALONE),
-        GIVEN,
+        _GIVEN,
         trained_as=AGENT,
     )
 )
