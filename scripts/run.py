@@ -58,6 +58,9 @@ class Run:
     file, if not given."""
     sensor_lag_s: float | None = None
     """Age of a reading when it arrives [s]; that of the trained file, if not given."""
+    preset: str | None = None
+    """Endoscope whose twins check the sensor: name of a preset, or a YAML file with ranges. RAM (twins) has
+    twins of its own."""
     start: Literal["unknown", "rest"] = "unknown"
     """What is known of the time before: `rest` where the endoscope was straight, and then not moved."""
     initial_bend_deg: float = 0.0
@@ -226,6 +229,7 @@ def _log(args: Run) -> Summary:
 def _prepared(args: Run, file: "TrainedFile") -> "Callable[[], AssuredEstimator]":
     from twin.estimation.deployment import sensor_of
     from twin.live import prepare_runtime
+    from twin.preset import load_preset, load_ranges
 
     prepared = prepare_runtime(
         file,
@@ -238,6 +242,7 @@ def _prepared(args: Run, file: "TrainedFile") -> "Callable[[], AssuredEstimator]
         ),
         start=args.start,
         initial_deviation_deg=args.initial_deviation_deg,
+        twins=(load_preset(args.preset), load_ranges(args.preset)) if args.preset else None,
     )
     return partial(prepared, args.initial_bend_deg)
 

@@ -11,6 +11,7 @@ from twin.control.controllers.feedback import PI_SETTINGS
 from twin.control.controllers.inverses import MEMBERS_INVERSE, MembersInverse
 from twin.control.trial import Plant
 from twin.estimation.learned.ram_twins import MemberWeights
+from twin.live.monitor import Monitor
 from twin.live.reading import Alarm, Source
 
 RATE = 2.0
@@ -109,10 +110,25 @@ def test_while_the_sensor_says_nothing_the_command_is_held(twins_policy, what):
     assert error[330:].max() < 2 * error[50:150].max()
 
 
-def test_beyond_the_training_the_fallback_is_in_charge_without_a_jump_and_trust_comes_back(twins_policy):
-    """A command beyond 4.8 mm is none that the file was trained on."""
+def beyond_training():
+    """Wanted angles that need commands beyond 4.8 mm, on which the file was not trained."""
     wanted = WANTED.copy()
     wanted[100:160] = 130.0
+    return wanted
+
+
+def test_beyond_the_training_twins_stay_in_charge_that_predict_no_worse(twins_policy, monkeypatch):
+    monkeypatch.setattr(Monitor, "predicts_no_worse", True)
+    course = closed_loop(controller(twins_policy, BEYOND_TRAINING), Endoscope(), beyond_training(), noisy())
+    assert np.abs(course.pull_mm).max() > 4.8
+    assert not course.fell_back.any()
+
+
+def test_beyond_the_training_the_fallback_is_in_charge_without_a_jump_and_trust_comes_back(
+    twins_policy, monkeypatch
+):
+    monkeypatch.setattr(Monitor, "predicts_no_worse", False)
+    wanted = beyond_training()
     driven = controller(twins_policy, BEYOND_TRAINING)
     course = closed_loop(driven, Endoscope(), wanted, noisy())
     assert_within(BEYOND_TRAINING, course.pull_mm)

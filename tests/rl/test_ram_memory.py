@@ -45,7 +45,7 @@ def test_a_stream_that_restarts_keeps_what_it_knows_of_the_noise(tmp_path):
     state = estimator.start(np.zeros(2), np.zeros(2))
     for k in range(20):
         state = estimator.step(state, np.full(2, k + 1) * 0.1, np.full(2, k) * 0.1, np.full(2, 2.0 * k))
-    resumed = estimator.resume(state, np.full(2, 2.0), state.bend_deg + np.array([0.0, 15.0]))
+    resumed = estimator.resume(state, state, np.full(2, 2.0), state.bend_deg + np.array([0.0, 15.0]))
     np.testing.assert_array_equal(resumed.memory[2], state.memory[2])
     np.testing.assert_allclose(resumed.memory[0][:, 0] - state.memory[0][:, 0], [0, 15], atol=1e-4)
     assert resumed.memory[1][1, 0] - resumed.memory[1][0, 0] == pytest.approx(225, rel=1e-3)

@@ -130,7 +130,7 @@ def test_a_stream_that_restarts_goes_on_from_the_angle_that_it_is_given(tmp_path
     for measured in (3.0, 4.0, 3.5):
         state = estimator.step(state, pull, pull, np.full(2, measured))
     still = estimator.step(state, pull, pull, unseen)
-    resumed = estimator.resume(state, pull, state.bend_deg + np.array([0.0, 15.0]))
+    resumed = estimator.resume(state, state, pull, state.bend_deg + np.array([0.0, 15.0]))
     after = estimator.step(resumed, pull, pull, unseen)
     np.testing.assert_allclose(after.bend_deg - still.bend_deg, [0.0, 15.0], atol=0.05)
 

@@ -32,13 +32,13 @@ from twin.estimation.learned.ram_twins import MemberWeights, RamTwins
 from twin.estimation.learned.step import StepState
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.live.assured import AssuredEstimator
-from twin.live.reading import Alarm, Health, Source
+from twin.live.reading import WRONG_SENSOR, Alarm, Health, Source
 from twin.preset.file import preset_of
 
 COMPENSATOR_SETTINGS = {"rate_per_s": Setting(20.0, 2.0, 100.0), "turning_share": Setting(1.5, 0.3, 3.0)}
 """Rate at which the estimated error is removed [1 / s], and error from which on the command turns round, in
 halves of the estimate's 95 % interval [-]."""
-_SILENT = Alarm.TIMEOUT | Alarm.STUCK
+_SILENT = Alarm.TIMEOUT | WRONG_SENSOR
 
 
 class Compensator:
@@ -63,7 +63,7 @@ class Compensator:
         self._anticipation = Anticipation(limits, runtime.sample_time)
         self._direction = 0.0  # of the latest command
         self.falls_back = False  # whether PI on the fallback's estimate is in charge
-        self.holds = False  # whether the command is held, as no measurement comes
+        self.holds = False  # whether the command is held, as no measurement comes that can be used
 
     def wanted_mm(
         self, pull_mm: float, reference_deg: float, next_deg: float, reference_preview_deg: Array = NO_PREVIEW

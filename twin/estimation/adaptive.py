@@ -171,7 +171,7 @@ class BiasedActiveModel(ActiveModel):
         covariance[2, 2] = self.bias_variance
         return Belief(mean, covariance, pair.memory)
 
-    def resume(self, trusted: Belief, pull_mm: Array, bend_deg: Array) -> Belief:
+    def resume(self, trusted: Belief, now: Belief, pull_mm: Array, bend_deg: Array) -> Belief:
         """Restart with the known bias: it takes minutes to find."""
         belief = self.start(pull_mm, bend_deg - trusted.mean[2])
         belief.mean[2] = trusted.mean[2]

@@ -79,11 +79,12 @@ class Estimator(abc.ABC, Generic[State]):
     def start(self, pull_mm: Array, bend_deg: Array) -> State:
         """Return the state at the first sample, from pulls (B,) [mm] and first estimates (B,) [deg]."""
 
-    def resume(self, trusted: State, pull_mm: Array, bend_deg: Array) -> State:
+    def resume(self, trusted: State, now: State, pull_mm: Array, bend_deg: Array) -> State:
         """Return the state of a live stream that restarts after a fault; here as at the first sample.
 
         An estimator that learns something over minutes keeps it from `trusted`, the state before the fault;
-        pulls [mm] and angles that are believed now [deg] are (B,).
+        what follows the command alone is that of the state `now`. Pulls [mm] and angles that are believed now
+        [deg] are (B,).
         """
         return self.start(pull_mm, bend_deg)
 
@@ -113,6 +114,10 @@ class Estimator(abc.ABC, Generic[State]):
         Zero where the estimator has no such state.
         """
         return 0.0, 0.0
+
+    def twins_deg(self, state: State) -> Array:
+        """Return the (B, M) angles of the twins that follow the command [deg]; M = 0 without any."""
+        return np.zeros((1, 0))
 
     def estimate(self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike) -> Array:
         """Filter whole records, as `estimate_with_interval` does; a faster form may stand in its place."""
@@ -168,9 +173,9 @@ class SingleForm:
         """Return the state at the first sample, with an initial estimate of the angle [deg]."""
         return self.estimator.start(np.array([pull_mm]), np.array([bend_deg]))
 
-    def resume(self, trusted: Any, pull_mm: float, bend_deg: float) -> Any:
+    def resume(self, trusted: Any, now: Any, pull_mm: float, bend_deg: float) -> Any:
         """Return the state of a stream that restarts after a fault; see `Estimator.resume`."""
-        return self.estimator.resume(trusted, np.array([pull_mm]), np.array([bend_deg]))
+        return self.estimator.resume(trusted, now, np.array([pull_mm]), np.array([bend_deg]))
 
     def step(
         self,
@@ -200,6 +205,11 @@ class SingleForm:
     def model_error_deg(self, state: Any) -> tuple[float, float]:
         """Return what no twin explains, and its standard deviation [deg]; see `Estimator.model_error_deg`."""
         return self.estimator.model_error_deg(state)
+
+    def twins_deg(self, state: Any) -> Array:
+        """Return the (M,) angles of the twins that follow the command [deg]."""
+        angles: Array = self.estimator.twins_deg(state)[0]
+        return angles
 
     def is_sound(self, state: Any) -> bool:
         """Return whether every number of a state is finite and possible, and variances are positive."""

@@ -79,7 +79,7 @@ class TwoStatesForm(SingleForm):
         """Return the belief at the first sample, with no known error of the model."""
         return TwoStates(bend_deg, 0.0, self.first[0], 0.0, self.first[1])
 
-    def resume(self, trusted: TwoStates, pull_mm: float, bend_deg: float) -> TwoStates:
+    def resume(self, trusted: TwoStates, now: TwoStates, pull_mm: float, bend_deg: float) -> TwoStates:
         """Return the belief of a stream that restarts, as at the first sample."""
         return self.start(pull_mm, bend_deg)
 

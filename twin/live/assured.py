@@ -1,10 +1,11 @@
 """A trained estimator with a trusted fallback and a monitor between them (Simplex architecture; Sha 2001)."""
 
+import dataclasses
 import functools
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,23 +23,34 @@ from twin.live.lag import Lag
 from twin.live.monitor import Monitor
 from twin.live.online import OnlineEstimator
 from twin.live.reading import UNKNOWN_DEG, Alarm, Health, Reading, Source
+from twin.live.sensor_check import FEWEST_TWINS, SensorCheck
+from twin.live.twins import draw_twins
+from twin.preset.preset import ZERO_DEVIATION_DEG
 from twin.preset.sensor import SensorModel
+
+if TYPE_CHECKING:
+    from twin.preset import Preset, Ranges
 
 PLAIN = SensorModel()
 DISTRUST_SAMPLES = 3  # in a row with an alarm, after which the fallback is used
 TRUST_S = 5.0  # without an alarm, after which the trained estimator is used again
 BLEND_S = 0.5  # from one to the other
+AGREEMENT_S = 1.5  # time for which refused measurements must agree where twins check the sensor
 DISTRUSTED = Alarm.INNOVATION | Alarm.DISAGREEMENT | Alarm.RANGE | Alarm.RATE
 DISTRUSTED |= Alarm.COMMAND | Alarm.INTERVAL | Alarm.LOST
 """Alarms about the trained estimator, not about the sample."""
+UNFAMILIAR = Alarm.COMMAND | Alarm.RANGE | Alarm.DISAGREEMENT
+"""Of these, those that are no reason to switch while the trained estimator predicts no worse."""
 _MISSING = Health.NO_MEASUREMENT | Health.IMPLAUSIBLE_MEASUREMENT | Health.OUTLIER
 # Looked up once, and flags as plain numbers: either takes a tenth of a filter's step.
 _UNMEASURED = (_MISSING | Health.RESTARTED | Health.REFUSED).value  # the measurement was not used as it is
 _BLIND = (_MISSING | Health.GAP).value  # something at or before the sample was predicted without measurement
 _UNCOMMANDED = (Health.NO_PULL | Health.IMPLAUSIBLE_PULL).value
 _ADVANCED, _NO_ALARM = Source.ADVANCED, Alarm.NONE
-_OFFSET = Alarm.OFFSET.value
-_INPUT, _LOST, _DISTRUSTED = Alarm.INPUT.value, Alarm.LOST.value, DISTRUSTED.value
+_OFFSET, _TIMEOUT = Alarm.OFFSET.value, Alarm.TIMEOUT.value
+_INPUT, _LOST, _DISTRUSTED, _UNFAMILIAR = (
+    of.value for of in (Alarm.INPUT, Alarm.LOST, DISTRUSTED, UNFAMILIAR)
+)
 _RESTARTED, _REFUSED = Health.RESTARTED.value, Health.REFUSED.value
 
 
@@ -46,8 +58,11 @@ class AssuredEstimator:
     """A running pair of estimators on one live stream; no sample can break it.
 
     The trained estimator is trusted until the monitor raises alarms about it in three samples in a row, and
-    again after five seconds without one; between the two the estimate moves within half a second. A stuck
-    sensor counts as missing.
+    again after five seconds without one; between the two the estimate moves within half a second.
+
+    A sensor that is wrong counts as missing. Where there are twins, they tell (`SensorCheck`): while the
+    sensor departs from what the command makes possible, the twins alone predict; where it agrees with them
+    again, both estimators go on from what they had learned before.
 
     Measurements are corrected for the zero, the scale and the lag of the sensor: both estimators run at the
     time of the measurement, and the reading is their prediction from there to now.
@@ -75,9 +90,14 @@ class AssuredEstimator:
         initial_bend_deg: float,  # estimate at the first sample [deg]
         limits: StreamLimits | None = None,  # beyond which a sample is refused
         sensor: SensorModel = PLAIN,  # by which measurements are corrected
+        twins: Estimator[Any]
+        | None = None,  # that check the sensor; those of the trained estimator, if it has any
     ):
         """Prepare a stream that starts at an estimate [deg]."""
         self.method, self.sample_time = method, fallback.sample_time
+        limits = limits or StreamLimits()
+        if advanced.has_physics or twins:  # they are to tell, before both start again at what agrees
+            limits = dataclasses.replace(limits, agreement_s=max(limits.agreement_s, AGREEMENT_S))
         self.advanced = OnlineEstimator(advanced, self.sample_time, initial_bend_deg, limits)
         self.fallback = OnlineEstimator(fallback, self.sample_time, initial_bend_deg, limits)
         self.noise_variance = float(np.asarray(fallback.measurement_variance))
@@ -92,6 +112,12 @@ class AssuredEstimator:
         self._states_interval = self.advanced.form.states_interval
         self._weight = 1.0  # of the trained estimator
         self._own_physics = advanced.has_physics
+        self._zero_deviation_deg = float(
+            np.asarray(getattr(advanced, "zero_deviation_deg", ZERO_DEVIATION_DEG))
+        )
+        self._twins = OnlineEstimator(twins, self.sample_time, 0.0, limits) if twins else self.advanced
+        self._check: SensorCheck | None = None  # from the first sample on, where there are twins
+        self._moved_mm = 0.0
         self._patience = max(round(TRUST_S / self.sample_time), 1)
         self._trusted = True
         self._bad = self._good = 0  # samples in a row
@@ -112,11 +138,14 @@ class AssuredEstimator:
                 pull_mm = self._lag.pull_mm(time_s, pull_mm)
         # A repeated packet is no evidence of a stuck sensor.
         stuck = not time_s <= self._time_s and self._stuck.is_stuck(measurement_deg)
-        accepted = math.nan if stuck else measurement_deg
+        wrong = stuck or (self._check is not None and self._check.alarm)
+        accepted = math.nan if wrong else measurement_deg
         advanced, fallback = self.advanced, self.fallback
         ignored = fallback.ignored
         bend = advanced.push(time_s, pull_mm, accepted)
         fallback_deg = fallback.push(time_s, pull_mm, accepted)
+        if self._twins is not advanced:
+            self._twins.push(time_s, pull_mm)
         self.samples += 1
         state = fallback.state
         if not isinstance(state, TwoStates):  # the stream has not begun
@@ -134,6 +163,10 @@ class AssuredEstimator:
         alarms, half_width, fallback_half_width = self._judge(state, elapsed, bend, fallback_deg, faults)
         if stuck:
             alarms |= Alarm.STUCK.value
+        check = self._check_sensor(math.nan if stuck else measurement_deg, elapsed)
+        # The sample at which an alarm ends is the last of the twins.
+        if check is not None and (check.alarm or (wrong and not stuck)):
+            return self._read(*check.prediction(), Source.TWINS, (alarms | check.alarm) & ~_TIMEOUT)
         if self._own_physics:
             error, deviation = self.advanced.form.model_error_deg(self.advanced.state)
             alarms |= _OFFSET * self._offset.is_off(error, deviation)
@@ -166,6 +199,7 @@ class AssuredEstimator:
             half_width = abs(bend - fallback_deg) + fallback_half_width
         pull, before = fallback.pull_mm, self._pull_mm
         self._pull_mm = pull
+        moved_mm = self._moved_mm = 0.0 if before != before else abs(pull - before)
         alarms = monitor.judge(
             bend,
             half_width if self._states_interval else fallback_half_width,
@@ -173,7 +207,7 @@ class AssuredEstimator:
             fallback_half_width,
             state.innovation_deg,
             state.expected,
-            0.0 if before != before else abs(pull - before),
+            moved_mm,
             pull,
             elapsed_s,
             measured=not faults & _UNMEASURED and state.innovation_deg != 0.0,
@@ -190,8 +224,34 @@ class AssuredEstimator:
                 return _LOST
         return _LOST if self.advanced.faults & ~self.fallback.faults & _REFUSED else 0
 
+    def _check_sensor(self, measurement_deg: float, elapsed_s: float) -> SensorCheck | None:
+        """Check the sensor by twins, if there are any; where an alarm ends, both estimators start again."""
+        advanced, fallback = self.advanced, self.fallback
+        twins = self._twins
+        members = twins.form.twins_deg(twins.state)
+        if len(members) < FEWEST_TWINS:
+            return None
+        check = self._check
+        if check is None:
+            check = self._check = SensorCheck(
+                len(members), self.sample_time, self.noise_variance, self._zero_deviation_deg
+            )
+        if not abs(measurement_deg) <= advanced.limits.bend_deg:
+            measurement_deg = math.nan
+        was = check.alarm
+        check.push(members, self._moved_mm, measurement_deg, elapsed_s, (advanced.state, fallback.state))
+        if was and not check.alarm:
+            bend, _ = check.prediction()
+            kept = check.kept or (None, None)
+            advanced.restart_from(kept[0], bend)
+            fallback.restart_from(kept[1], bend)
+            self._monitor.clear()
+            self._trusted, self._weight, self._good, self._bad = True, 1.0, 0, 0
+        return check
+
     def _decide(self, alarms: int) -> None:
-        if not alarms & _DISTRUSTED:
+        distrusted = alarms & _DISTRUSTED
+        if not distrusted or (not distrusted & ~_UNFAMILIAR and self._monitor.predicts_no_worse):
             self._bad = 0
             self._good += 1
             if not self._trusted and self._good >= self._patience:
@@ -227,6 +287,9 @@ class AssuredEstimator:
         if alarms & _OFFSET:
             offset = OFFSET_SHARE * self._offset.offset_deg
             low, high = low - max(offset, 0.0), high - min(offset, 0.0)
+        if self._check is not None and self._check.doubted:
+            twins_deg, half = self._check.prediction()
+            low, high = min(low, twins_deg - half), max(high, twins_deg + half)
         self.reading = Reading(bend, low, high, source, self.advanced.health, raised)
         return self.reading
 
@@ -262,13 +325,15 @@ def load_runtime(
     sensor: SensorModel | None = None,
     start: str = UNKNOWN,
     initial_deviation_deg: float = math.inf,
+    twins: "tuple[Preset, Ranges] | None" = None,
 ) -> AssuredEstimator:
     """Return the runtime of a trained file, ready for the first sample.
 
     The sample time T [s] is that of `load_estimator_at`, if not given; the sensor that measurements are
     corrected for, and the variance R of its noise [deg^2], are those of the trained file. Samples beyond the
     limits are refused. A session starts at `REST`, or with an `UNKNOWN` history. The initial estimate is used
-    as far as its standard deviation tells, by an estimator that can.
+    as far as its standard deviation tells, by an estimator that can. The twins that check the sensor are of
+    the ranges of an endoscope (`twins`); RAM (twins) has its own.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -282,6 +347,7 @@ def load_runtime(
         sensor=sensor,
         start=start,
         initial_deviation_deg=initial_deviation_deg,
+        twins=twins,
     )
     return prepared(initial_bend_deg)
 
@@ -295,6 +361,7 @@ def prepare_runtime(
     sensor: SensorModel | None = None,
     start: str = UNKNOWN,
     initial_deviation_deg: float = math.inf,
+    twins: "tuple[Preset, Ranges] | None" = None,
 ) -> Callable[[float], AssuredEstimator]:
     """Read a trained file once for many streams: the function from an initial estimate to a runtime."""
     file = path if isinstance(path, TrainedFile) else read_trained_file(Path(path))
@@ -320,6 +387,9 @@ def prepare_runtime(
         *(method, advanced, fallback, deployment),
         limits=limits,
         sensor=PLAIN if sensor.is_plain else sensor,
+        twins=draw_twins(*twins, deployment.pull_mm, T, start == REST)
+        if twins and not estimator.has_physics
+        else None,
     )
 
 

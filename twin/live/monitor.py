@@ -14,6 +14,7 @@ WINDOW_S = 2.5  # time constant of the averages
 LASTING_S = 1.0  # for which estimates must disagree
 TIMEOUT_S, TIMEOUT_SAMPLES = 1.0, 5  # without a measurement
 WORSE = 2.0  # times the mean square innovation of the fallback
+NO_WORSE = 1.25  # times it, up to which the two count as equal
 NOISE_SHARE = 0.5  # of R, beyond which it must be worse
 OFFSET = 4.0  # standard deviations of the sensor allowed for the mean innovation: more than any noise's mean
 FAR = 3.0  # standard deviations by which both may disagree beyond their intervals
@@ -63,6 +64,11 @@ class Monitor:
         self._square_fallback = self._variance
         self._before_deg = self._fallback_before_deg = math.nan
         self.nis = 1.0  # mean square of the fallback's innovations over their expected variance
+
+    @property
+    def predicts_no_worse(self) -> bool:
+        """Whether the trained estimator predicts measurements no worse than the fallback."""
+        return self._seen_s >= self._window_s and self._square <= NO_WORSE * self._square_fallback
 
     def judge(
         self,

@@ -282,13 +282,25 @@ class OnlineEstimator(Generic[State]):
                     self._restart(self.pull_mm, self.bend_deg + self._bias.offset_deg)
                 self._faulty = 0
 
-    def _restart(self, pull_mm: float, bend_deg: float) -> None:
+    def restart_from(self, trusted: State | None, bend_deg: float) -> None:
+        """Restart at an angle that is believed [deg], with what the estimator had learned until a state."""
+        self._trusted = self._latest_good = trusted
+        self._good_in_a_row = self._faulty = 0
+        self._outliers.clear()
+        self._restart(self.pull_mm, bend_deg, self.state)
+
+    def _restart(self, pull_mm: float, bend_deg: float, now: State | None = None) -> None:
+        """Restart at a pull [mm] and an angle [deg]; what follows the command goes on from a state, if given.
+
+        Otherwise that too is as it was before the fault: pulls may have been wrong.
+        """
         most = self.limits.bend_deg
         angle = min(max(bend_deg, -most), most)
         if self._trusted is None:
             self._accept(self.form.start(pull_mm, angle), pull_mm)
         else:
-            self._accept(self.form.resume(self._trusted, pull_mm, angle), pull_mm)
+            resumed = self.form.resume(self._trusted, now or self._trusted, pull_mm, angle)
+            self._accept(resumed, pull_mm)
         self._refused_in_a_row = 0
         self._held_s = 0.0
         self._bias.clear()

@@ -33,7 +33,8 @@ class Alarm(enum.Flag):
     """Alarms of one sample, any number of them together; `Alarm.NONE` is none.
 
     Those from INNOVATION to LOST are about the trained estimator: three samples in a row with any of them
-    switch to the fallback, one where it restarted. The others are about the sample.
+    switch to the fallback, one where it restarted. The others are about the sample. While STUCK, or one from
+    SIGN on, lasts, the sensor is not used.
     """
 
     NONE = 0  # no alarm
@@ -44,19 +45,28 @@ class Alarm(enum.Flag):
     COMMAND = enum.auto()  # the command is beyond the distances or the speed that it was trained on
     INTERVAL = enum.auto()  # its interval is not a number, or wider than 90 deg to each side
     LOST = enum.auto()  # it restarted where the fallback need not, or a step led to an impossible state
-    STUCK = enum.auto()  # the sensor has repeated one number for too long, and counts as missing
+    STUCK = enum.auto()  # the sensor stands still though the endoscope moves, or repeats one number
     TIMEOUT = enum.auto()  # no measurement has come for too long
     INPUT = enum.auto()  # this sample was faulty (`Reading.health`), or is far from both predictions
     BEGINNING = enum.auto()  # too few samples have come to judge
     OFFSET = enum.auto()  # measurements have been off all twins for a second: the interval includes both
+    SIGN = enum.auto()  # the sensor moves against the endoscope
+    GAIN = enum.auto()  # it shows a share of the angle, or more than it
+    DRIFT = enum.auto()  # its zero moves on
+    BIAS = enum.auto()  # its zero has moved, or it is wrong in a way that has no name yet
+
+
+WRONG_SENSOR = Alarm.STUCK | Alarm.SIGN | Alarm.GAIN | Alarm.DRIFT | Alarm.BIAS
+"""Alarms while which the sensor is not used."""
 
 
 class Source(enum.Enum):
-    """Source of an estimate: the trained estimator, the trusted filter, or a mean of both in between."""
+    """Source of an estimate: the trained estimator, the trusted filter, a mean of both, or twins alone."""
 
     ADVANCED = "advanced"
     FALLBACK = "fallback"
     BLEND = "blend"
+    TWINS = "twins"  # by the command alone, as the sensor is wrong
 
 
 class Reading(NamedTuple):

@@ -115,14 +115,14 @@ register_method(
 class RamMemory(LearnedStep):
     """RAM with a recurrent policy; mean and covariance in its state are those of the active model."""
 
-    def resume(self, trusted: StepState, pull_mm: Array, bend_deg: Array) -> StepState:
+    def resume(self, trusted: StepState, now: StepState, pull_mm: Array, bend_deg: Array) -> StepState:
         """Return the state of a stream that starts again: the angle is moved, all else stays."""
         off = bend_deg - trusted.bend_deg
         memory = {name: of.copy() for name, of in zip(self.network.state, trusted.memory, strict=True)}
         begun = memory["covariance"].any(axis=1)  # a state of zeros has seen nothing: it stays so
         memory["mean"][:, 0] += off * begun
         memory["covariance"][:, 0] += off**2 * begun
-        return trusted._replace(memory=tuple(memory.values()), bend_deg=bend_deg.copy())
+        return now._replace(memory=tuple(memory.values()), bend_deg=bend_deg.copy())
 
 
 RAM_MEMORY = _learned(

@@ -98,19 +98,29 @@ class RamTwins(LearnedStep):
         arrays["covariance"][:] = arrays["rows_covariance"][:] = covariance
         return tuple(arrays.values())
 
-    def resume(self, trusted: StepState, pull_mm: Array, bend_deg: Array) -> StepState:
+    def resume(self, trusted: StepState, now: StepState, pull_mm: Array, bend_deg: Array) -> StepState:
         """Return the state of a stream that starts again: d takes what it is off by, all else stays."""
-        following = self.members.step(trusted.following, pull_mm)
-        moved = (following.of_filters() - trusted.following.of_filters()).mean(axis=1)
-        off = bend_deg - (trusted.bend_deg + moved)
-        memory = dict(zip(self.network.state, (of.copy() for of in trusted.memory), strict=True))
-        begun = memory["covariance"].any(axis=(1, 2))  # a state of zeros has seen nothing: it stays so
-        off = off * begun
+        following = self.members.step(now.following, pull_mm)
+        batch = len(pull_mm)
+        inputs = self.constants(batch) | {
+            "members_deg": following.of_filters(),
+            "way_mm": np.zeros(batch),
+            "measurement_deg": np.full(batch, np.nan),
+        }
+        predicted, _, after = self.network.step(trusted.memory, **inputs)
+        memory = dict(zip(self.network.state, (of.copy() for of in after), strict=True))
+        begun = trusted.memory[_COVARIANCES[0]].any(axis=(1, 2))  # a state of zeros has seen nothing
+        off = (bend_deg - predicted) * begun
         memory["mean"][:, -2] += off  # c, d and b
         memory["covariance"][:, -2, -2] += off**2
         memory["rows"][:, :, -2] += off[:, None]
         memory["rows_covariance"][:, -2, -2] += off**2
         return StepState(tuple(memory.values()), following, bend_deg.copy(), trusted.half_width_deg)
+
+    def twins_deg(self, state: StepState) -> Array:
+        """Return the (B, M) angles of the twins [deg]."""
+        angles: Array = state.following.of_filters()
+        return angles
 
     def model_error_deg(self, state: StepState) -> tuple[float, float]:
         """Return the d of a state of one filter, by the likelihood of its noise models, and its deviation."""

@@ -1,0 +1,95 @@
+"""A runtime with twins of the endoscope, whose sensor turns wrong."""
+
+import numpy as np
+import pytest
+from models import COLEMAN_HODGDON
+
+from twin.errors import InputError
+from twin.estimation.active_model import ActiveModel
+from twin.estimation.deployment import Deployment
+from twin.live.assured import AssuredEstimator
+from twin.live.reading import WRONG_SENSOR, Alarm, Source
+from twin.live.twins import TWINS, draw_twins
+from twin.preset import load_preset, load_ranges
+from twin.reduced import simulate_batch
+from twin.signals.excitation import command
+
+T, R = 0.1, 0.1
+STROKE = (2e-3, 4e-3)
+FILTER = ActiveModel(COLEMAN_HODGDON, T, (1e-3, 4e-2), R, (100.0, 1.0))
+DEPLOYMENT = Deployment(FILTER, (1.5, 4.5), (20.0, 120.0), 3.0, 60.0)
+BEGINS, ENDS = 400, 600
+
+
+@pytest.fixture(scope="module")
+def twins():
+    return draw_twins(load_preset("ureteroscope"), load_ranges("ureteroscope"), (2.0, 4.0), T, from_rest=True)
+
+
+@pytest.fixture(scope="module")
+def endoscope():
+    """Pull [mm] and angle [deg] of one that is none of the twins."""
+    rng = np.random.default_rng(5)
+    pull = command("sine", STROKE, 75.0, T, rng)
+    other = load_ranges("ureteroscope").draw(load_preset("ureteroscope"), rng)
+    (episode,) = simulate_batch([other], [pull], T)
+    return pull * 1e3, episode.truth_deg
+
+
+def run(twins, endoscope, measured):
+    pull, truth = endoscope
+    live = AssuredEstimator("test", FILTER, FILTER, DEPLOYMENT, float(truth[0]), twins=twins)
+    return live, [live.push(k * T, pull[k], measured[k]) for k in range(len(pull))]
+
+
+def test_while_the_sensor_has_the_wrong_sign_the_twins_predict_for_a_filter_that_has_none(twins, endoscope):
+    _, truth = endoscope
+    measured = truth + np.sqrt(R) * np.random.default_rng(0).standard_normal(len(truth))
+    measured[BEGINS:ENDS] *= -1
+    live, readings = run(twins, endoscope, measured)
+    error = np.abs([of.bend_deg for of in readings] - truth)
+    by_twins = np.array([of.source is Source.TWINS for of in readings])
+    assert not any(of.alarms & WRONG_SENSOR for of in readings[:BEGINS])
+    first = np.flatnonzero(by_twins)[0]
+    assert BEGINS < first <= BEGINS + 10
+    assert by_twins[first:ENDS].all()
+    assert readings[ENDS - 1].alarms & Alarm.SIGN
+    assert error[first:ENDS].max() < 5 < np.abs(measured - truth)[BEGINS:ENDS].min()
+    back = np.flatnonzero(by_twins)[-1] + 1
+    assert back < ENDS + 100
+    inside = [of.low_deg <= angle <= of.high_deg for of, angle in zip(readings, truth, strict=True)]
+    assert np.mean(inside[first:back]) > 0.95
+    assert live.reading.source is Source.ADVANCED
+    assert error[back + 10 :].max() < 2 * error[50:BEGINS].max()
+
+
+def test_twins_leave_a_healthy_stream_as_it_is(twins, endoscope):
+    measured = endoscope[1] + np.sqrt(R) * np.random.default_rng(1).standard_normal(len(endoscope[1]))
+    with_twins, without = (run(one, endoscope, measured)[1] for one in (twins, None))
+    assert [of.bend_deg for of in with_twins] == [of.bend_deg for of in without]
+    assert all(
+        of.low_deg <= by.low_deg and by.high_deg <= of.high_deg
+        for of, by in zip(with_twins, without, strict=True)
+    )
+
+
+def test_twins_are_of_the_ranges_and_begin_each_with_a_history_of_its_own():
+    preset, ranges = load_preset("ureteroscope"), load_ranges("ureteroscope")
+    spread = []
+    for from_rest in (True, False):
+        found = draw_twins(preset, ranges, (2.0, 4.0), T, from_rest=from_rest)
+        angles = found.twins_deg(found.start(np.array([3.0]), np.zeros(1)))
+        assert angles.shape == (1, TWINS)
+        spread.append(float(np.std(angles)))
+    assert spread[0] < spread[1]
+
+
+def test_twins_in_two_planes_are_refused():
+    with pytest.raises(InputError, match="two bending planes"):
+        draw_twins(
+            load_preset("ureteroscope").replace(bending_planes=2),
+            load_ranges("ureteroscope"),
+            (2.0, 4.0),
+            T,
+            from_rest=True,
+        )
