@@ -15,7 +15,7 @@ from twin.gate.evidence import OTHER_STREAMS, RIVAL, GateMaterial
 from twin.live import Alarm, AssuredEstimator, load_runtime, prepare_runtime
 from twin.live.assured import REST
 from twin.live.online import OnlineEstimator
-from twin.live.reading import flag_names
+from twin.live.reading import WRONG_SENSOR, flag_names
 from twin.preset.sensor import SensorModel
 
 Array = NDArray[np.float64]
@@ -27,7 +27,9 @@ LATENCY_SHARE = 0.1  # share of the sample time that one sample may take
 PERCENTILE = 99
 SPIKE_DEG, SHIFT_DEG, WRONG_PULL_MM, CLOCK_S = 60.0, 8.0, 5.0, 3600.0
 _FAULTS, _LATENCY = OTHER_STREAMS + 3, OTHER_STREAMS + 4
-_BEFORE_S, _AFTER_S = 15.0, 3.0  # of good samples
+_BEFORE_S, _LONG_BEFORE_S, _AFTER_S = 15.0, 45.0, 3.0  # of good samples; the second before faults of a sensor
+WRONG_BY_DEG = 12.0  # measurements of a wrong sensor, where it must be recognised
+GAIN, DRIFT_DEG_S, ALTERNATING_DEG = 0.6, 2.0, 0.1
 _FLAGGED_WITHIN_S = 1.0  # after a fault: a gap is known when it ends
 _TWINS = 3
 _BUSY = 1.5  # times its processor time: a longer wait is for other work
@@ -43,6 +45,7 @@ class Fault(NamedTuple):
     plant: Callable[[Sequence[Sample], Sequence[Sample]], Iterator[Sample]]
     # a sensor that is a few degrees off cannot be recognised
     must_flag: bool = True
+    of_sensor: bool = False  # recognised by the motion that the command must cause, after a minute of it
 
 
 def _spikes(good: Sequence[Sample], before: Sequence[Sample]) -> Iterator[Sample]:
@@ -63,6 +66,18 @@ def _wrong_pull(good: Sequence[Sample], before: Sequence[Sample]) -> Iterator[Sa
         yield at, pull + (WRONG_PULL_MM if number % 2 else -WRONG_PULL_MM), measured
 
 
+def _mapped(
+    wrong: Callable[[float, float], float],
+) -> Callable[[Sequence[Sample], Sequence[Sample]], Iterator[Sample]]:
+    """Return a fault that makes measurements of the right ones and the time since it began [s]."""
+    return lambda good, _: ((at, pull, wrong(measured, at - good[0][0])) for at, pull, measured in good)
+
+
+def _alternating(good: Sequence[Sample], before: Sequence[Sample]) -> Iterator[Sample]:
+    for number, (at, pull, _) in enumerate(good):
+        yield at, pull, before[-1][2] + ALTERNATING_DEG * (number % 2)
+
+
 FAULTS = (
     Fault("no measurement", 3.0, lambda good, _: ((at, pull, math.nan) for at, pull, _y in good)),
     Fault("spikes of the sensor", 3.0, _spikes),
@@ -79,6 +94,15 @@ FAULTS = (
         lambda good, _: ((at, pull, y + SHIFT_DEG) for at, pull, y in good),
         must_flag=False,
     ),
+    Fault("sensor of the wrong sign", 8.0, _mapped(lambda measured, _: -measured), of_sensor=True),
+    Fault(f"sensor of gain {GAIN:g}", 8.0, _mapped(lambda measured, _: GAIN * measured), of_sensor=True),
+    Fault(
+        f"sensor that drifts by {DRIFT_DEG_S:g} deg/s",
+        10.0,
+        _mapped(lambda measured, seconds: measured + DRIFT_DEG_S * seconds),
+        of_sensor=True,
+    ),
+    Fault("sensor that alternates", 10.0, _alternating, of_sensor=True),
 )
 """Kinds of fault, each planted by itself."""
 
@@ -119,6 +143,7 @@ def flagged(material: GateMaterial) -> Check:
         notes=(
             f"Of good samples before the faults {false:.1%} are flagged.",
             "A sensor that is some degrees off cannot be recognised: it need not be flagged.",
+            f"A sensor that is wrong by {WRONG_BY_DEG:g} deg must be, by the twins that check it.",
         ),
     )
 
@@ -154,7 +179,7 @@ def _fault_rows(material: GateMaterial) -> list[dict[str, Any]]:
     """Return one row for each kind of fault; three checks share them."""
     rng, T, variance = material.random(_FAULTS), material.sample_time, _variance(material)
     allowed_deg = ALLOWED_DEVIATIONS * math.sqrt(variance)
-    longest = _BEFORE_S + max(fault.seconds for fault in FAULTS) + _AFTER_S
+    longest = _LONG_BEFORE_S + max(fault.seconds for fault in FAULTS) + _AFTER_S
     records, _ = material.twins(material.ranges, rng, seconds=longest + 2 * T)
     streams = []
     for record in records:
@@ -162,7 +187,12 @@ def _fault_rows(material: GateMaterial) -> list[dict[str, Any]]:
         measured = bend + math.sqrt(variance) * rng.standard_normal(len(bend))
         streams.append((record.pull_mm[0], bend, measured, float(bend[0] + rng.uniform(-10, 10))))
     begun = prepare_runtime(
-        material.file, sample_time=T, noise_variance=variance, sensor=_CALIBRATED, start=REST
+        material.file,
+        sample_time=T,
+        noise_variance=variance,
+        sensor=_CALIBRATED,
+        start=REST,
+        twins=(material.preset, material.ranges),
     )
     rows = []
     for number, fault in enumerate(FAULTS):
@@ -196,7 +226,7 @@ def _run(
 ) -> dict[str, Any]:
     T = material.sample_time
     good: list[Sample] = [(k * T, float(pull[k]), float(measured[k])) for k in range(len(pull))]
-    begin = round(_BEFORE_S / T)
+    begin = round((_LONG_BEFORE_S if fault.of_sensor else _BEFORE_S) / T)
     end = begin + max(round(fault.seconds / T), 2)
     last = min(end + round(_AFTER_S / T), len(good))
     runtime = begun(initial)
@@ -205,6 +235,10 @@ def _run(
     back = begin + len(planted)  # number of the first good sample after the fault
     watched = back + max(round(_FLAGGED_WITHIN_S / T), 1)
     squares, others = [], []
+    wrong_deg = max(
+        (abs(sample[2] - truth) for sample, truth in zip(planted, bend[begin:], strict=False)), default=0
+    )
+    raised = Alarm.NONE
     finite, words, before = True, set[str](), 0
     for number, sample in enumerate([*good[:begin], *planted, *good[end:last]]):
         reading, other = runtime.push(*sample), alone.push(*sample)
@@ -215,13 +249,14 @@ def _run(
             continue
         if number < watched:
             words |= flags
+            raised |= reading.alarms & WRONG_SENSOR
         # The truth now: a sample that comes late is compared with the truth when it comes.
         truth = float(bend[min(number if number < back else end + number - back, last - 1)])
         squares.append((reading.bend_deg - truth) ** 2)
         others.append((other - truth) ** 2)
     return {
         "finite": finite,
-        "flagged": bool(words),
+        "flagged": bool(raised) or wrong_deg < WRONG_BY_DEG if fault.of_sensor else bool(words),
         "flagged_before": before / max(begin, 1),
         "said": words,
         "square": float(np.nan_to_num(np.mean(squares), nan=1e8)),

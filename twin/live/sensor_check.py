@@ -30,12 +30,12 @@ LARGEST = 6.0
 """Standard deviations of a departure from which it is an alarm."""
 DOUBTFUL = 2.5  # from which the interval includes the prediction
 AGREES, AGREES_S, AGREES_DEG, AGREES_STILL_S = 3.0, 2.0, 4.0, 10.0
-"""Standard deviations within which a sensor must stay, how long, and along which motion, until it is used; how
-long where nothing moves, as of an endoscope that is held."""
+"""Standard deviations within which a sensor must stay, how long, and along which motion, until it is
+used; how long where nothing moves, as of an endoscope that is held."""
 SHARE_OF_MOTION = 0.4, 1.7  # of the predicted motion, that it must show: those of healthy endoscopes
 FIRST_USUAL, FIRST_DEG, MOST_DEG = 4.0, 5.0, 300.0
-"""Usual square of a departure before anything is known: it counts as this much motion of the twins, of which the
-latest part is remembered."""
+"""Usual square of a departure before anything is known, and the motion of the twins that it counts for;
+also the motion along which departures are remembered."""
 MATURE_S, MATURE_DEG = 20.0, 5.0
 """Before so long, and so much motion, nothing is known of how well the twins fit, and there is no alarm."""
 CLIPPED = 4.0  # standard deviations that an innovation counts at most
@@ -193,8 +193,11 @@ class SensorCheck:
         covariance = known.covariance - gain[:, None] * towards
         return known._replace(mean=known.mean + gain * innovation, covariance=covariance)
 
-    def _departures(self, snapshots: list[Snapshot]) -> Array:
-        """Return the (S,) median departures of the window from predictions, in standard deviations."""
+    def _departures(self, snapshots: list[Snapshot], usual: float) -> Array:
+        """Return the (S,) median departures of the window from predictions, in standard deviations.
+
+        These are as large as the usual square of a departure asks for.
+        """
         angles = np.array([angle for angle, *_ in self._window])
         measured = np.array([of for _, of, _, _ in self._window])
         ways = np.array([way for *_, way, _ in self._window])
@@ -211,9 +214,8 @@ class SensorCheck:
         variance += _ERROR_PER_MM * MEMORY_MM / 2 * (1 - keep[:, -1] ** 2)
         variance += _ERROR_PER_S * (self._known.time_s - np.array([of.time_s for of in snapshots]))
         count = sum(count for *_, count in self._window)
-        usual = np.maximum([of.usual for of in snapshots], 1.0)
         of_noise = _OF_MEDIAN * self._variance / count
-        scaled: Array = departure / np.sqrt((variance + UNEXPLAINED_DEG**2) * usual + of_noise)
+        scaled: Array = departure / np.sqrt((variance + UNEXPLAINED_DEG**2) * max(usual, 1.0) + of_noise)
         return scaled
 
     def _judge(self) -> None:
@@ -222,10 +224,10 @@ class SensorCheck:
         old = [of for of in self._snapshots if now - of.time_s >= self._window_s]
         if not old:
             return
-        departures = self._departures(old)
+        oldest = self._snapshots[0]
+        departures = self._departures(old, oldest.usual)
         largest = float(np.abs(departures).max())
         self.doubted = largest > DOUBTFUL
-        oldest = self._snapshots[0]
         mature = oldest.moved_deg >= MATURE_DEG and oldest.time_s >= MATURE_S
         if largest > LARGEST and mature:
             self._known = self._ahead(oldest, self._known.way_mm - oldest.way_mm, now - oldest.time_s)
@@ -234,8 +236,8 @@ class SensorCheck:
             self._agrees_s = self._zero_moved_s = 0.0
             self.alarm, self.since_s = Alarm.BIAS.value, now
             return
-        usual, middle = self._known.usual, len(old) // 2
-        square = float(departures[middle]) ** 2 * max(old[middle].usual, 1.0)
+        usual = self._known.usual
+        square = float(departures[len(old) // 2]) ** 2 * max(oldest.usual, 1.0)
         square = min(square, MOST_USUAL * max(usual, 1.0))
         moved = self._known.moved_deg - self._judged_deg
         learn = moved / (FIRST_DEG + min(self._known.moved_deg, MOST_DEG))
@@ -249,7 +251,7 @@ class SensorCheck:
         reading = self._mean_deg + measured - float(known.mean[-1])
         self._points.append((known.time_s, predicted, reading))
         self.alarm = fault_of(np.array(self._points), Alarm(self.alarm)).value
-        agrees = abs(float(self._departures([known])[0])) < AGREES
+        agrees = abs(float(self._departures([known], known.usual)[0])) < AGREES
         self._agrees_s = self._agrees_s + self._time_s if agrees else 0.0
         shows_motion = self._agrees_s >= AGREES_S and self._shows_motion(self._agrees_s, AGREES_DEG)
         if shows_motion or self._agrees_s >= AGREES_STILL_S:
