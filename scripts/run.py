@@ -59,8 +59,8 @@ class Run:
     sensor_lag_s: float | None = None
     """Age of a reading when it arrives [s]; that of the trained file, if not given."""
     preset: str | None = None
-    """Endoscope whose twins check the sensor: name of a preset, or a YAML file with ranges. RAM (twins) has
-    twins of its own."""
+    """Endoscope whose twins check the sensor: name of a preset, or a YAML file with ranges. An estimator that
+    was trained on twins needs none."""
     start: Literal["unknown", "rest"] = "unknown"
     """What is known of the time before: `rest` where the endoscope was straight, and then not moved."""
     initial_bend_deg: float = 0.0

@@ -30,16 +30,16 @@ def endoscopes():
 
 
 def run(endoscopes, measured, *, zero_deviation=2.0):
-    """Return alarms, start of each, predictions and half of their intervals (N,)."""
+    """Return alarms, predictions and half of their intervals (N,)."""
     pull, twins, _ = endoscopes
     check = SensorCheck(twins.shape[1], T, R, zero_deviation)
     way = np.abs(np.diff(pull, prepend=pull[0]))
     found = []
     for k, measurement in enumerate(measured):
         check.push(twins[k], way[k], measurement, T)
-        found.append((check.alarm, check.since_s, *check.prediction()))
-    alarms, since, bend, half_width = (np.array(of) for of in zip(*found, strict=True))
-    return [Alarm(int(of)) for of in alarms], since, bend, half_width
+        found.append((check.alarm, *check.prediction()))
+    alarms, bend, half_width = (np.array(of) for of in zip(*found, strict=True))
+    return [Alarm(int(of)) for of in alarms], bend, half_width
 
 
 def noise(seed=0, count=SAMPLES):
@@ -50,7 +50,7 @@ def noise(seed=0, count=SAMPLES):
 @pytest.mark.parametrize("other", range(OTHERS))
 def test_a_healthy_sensor_is_believed(endoscopes, other, zero):
     truth = endoscopes[2][other]
-    alarms, _, bend, half_width = run(endoscopes, truth + zero + noise(other))
+    alarms, bend, half_width = run(endoscopes, truth + zero + noise(other))
     assert not any(alarms)
     assert np.mean(np.abs(bend - truth)[150:] <= half_width[150:]) > 0.9
 
@@ -83,12 +83,11 @@ def test_a_wrong_sensor_is_named_and_the_twins_predict_meanwhile(endoscopes, fau
     wrong = slice(BEGINS, ENDS)
     measured = truth + noise(other)
     measured[wrong] = FAULTS[fault](truth[wrong], noise(other + 9)[wrong])
-    alarms, since, bend, half_width = run(endoscopes, measured)
+    alarms, bend, half_width = run(endoscopes, measured)
     assert not any(alarms[:BEGINS])
     first = next(k for k, alarm in enumerate(alarms) if alarm)
     way = np.abs(np.diff(pull[BEGINS:])).cumsum()
     assert first - BEGINS <= np.argmax(way > 2.0) + 3 / T
-    assert since[first] == pytest.approx(T * (first + 1))
     assert alarms[ENDS - 1] is fault
     meanwhile = slice(first, ENDS)
     assert np.mean(np.abs(bend - truth)[meanwhile] <= half_width[meanwhile]) > 0.85
@@ -100,7 +99,7 @@ def test_a_zero_that_has_moved_is_taken_for_the_new_one(endoscopes):
     truth = endoscopes[2][1]
     measured = truth + noise()
     measured[300:] += 12.0
-    alarms, _, bend, _ = run(endoscopes, measured, zero_deviation=0.0)
+    alarms, bend, _ = run(endoscopes, measured, zero_deviation=0.0)
     assert Alarm.BIAS in alarms
     assert not any(alarms[-100:])
     assert np.abs(bend - truth)[-100:].max() < 3

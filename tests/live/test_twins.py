@@ -7,9 +7,10 @@ from models import COLEMAN_HODGDON
 from twin.errors import InputError
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.deployment import Deployment
+from twin.estimation.learned.trained_file import TrainedFile
 from twin.live.assured import AssuredEstimator
-from twin.live.reading import WRONG_SENSOR, Alarm, Source
-from twin.live.twins import TWINS, draw_twins
+from twin.live.reading import WRONG_SENSOR, Alarm, RunCounts, Source, StreamSample
+from twin.live.twins import TWINS, draw_twins, twins_of
 from twin.preset import load_preset, load_ranges
 from twin.reduced import simulate_batch
 from twin.signals.excitation import command
@@ -54,6 +55,11 @@ def test_while_the_sensor_has_the_wrong_sign_the_twins_predict_for_a_filter_that
     assert BEGINS < first <= BEGINS + 10
     assert by_twins[first:ENDS].all()
     assert readings[ENDS - 1].alarms & Alarm.SIGN
+    counts = RunCounts()
+    for k, reading in enumerate(readings):
+        counts.add(StreamSample(k * T, 0.0, 0.0, reading))
+    assert counts.to_dict()["alarms_began_s"]["SIGN"] == pytest.approx(T * first, abs=1.0)
+    assert counts.share(Source.TWINS) == np.mean(by_twins)
     assert error[first:ENDS].max() < 5 < np.abs(measured - truth)[BEGINS:ENDS].min()
     back = np.flatnonzero(by_twins)[-1] + 1
     assert back < ENDS + 100
@@ -93,3 +99,18 @@ def test_twins_in_two_planes_are_refused():
             T,
             from_rest=True,
         )
+
+
+def test_twins_of_a_file_are_those_that_it_was_trained_on(tmp_path):
+    preset, ranges = load_preset("ureteroscope"), load_ranges("ureteroscope")
+    held = {"preset": preset.to_dict(), "ranges": ranges.to_dict()}
+
+    def of(description):
+        return twins_of(TrainedFile(None, "ram-memory", description, tmp_path / "policy.onnx", None))
+
+    assert of(held) == (preset, ranges)
+    assert of({"agent": "ram"}) is None
+    with pytest.raises(InputError, match="the twins of its training"):
+        of(held | {"ranges": {"wire_stiffness": [5.0, 1.0]}})
+    with pytest.raises(InputError, match="the twins of its training"):
+        of(held | {"preset": {"wire_stiffness": [1.0]}})

@@ -46,6 +46,13 @@ class SheathFile(_Strict):
     phase: Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(max_length=MOST_MEMBERS)]
 
 
+class TwinsFile(_Strict):
+    """Endoscope and ranges of the twins that an estimator was trained on, of all that its file contains."""
+
+    preset: Annotated[dict[str, float | int | str], Field(max_length=200)]
+    ranges: Annotated[dict[str, Limits], Field(max_length=200)]
+
+
 class MembersFile(_Strict):
     """Twins inside of an estimator: common parameters, and the value of each member of every other one."""
 

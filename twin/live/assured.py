@@ -24,7 +24,7 @@ from twin.live.monitor import Monitor
 from twin.live.online import OnlineEstimator
 from twin.live.reading import UNKNOWN_DEG, Alarm, Health, Reading, Source
 from twin.live.sensor_check import FEWEST_TWINS, SensorCheck
-from twin.live.twins import draw_twins
+from twin.live.twins import draw_twins, twins_of
 from twin.preset.preset import ZERO_DEVIATION_DEG
 from twin.preset.sensor import SensorModel
 
@@ -333,7 +333,7 @@ def load_runtime(
     corrected for, and the variance R of its noise [deg^2], are those of the trained file. Samples beyond the
     limits are refused. A session starts at `REST`, or with an `UNKNOWN` history. The initial estimate is used
     as far as its standard deviation tells, by an estimator that can. The twins that check the sensor are of
-    the ranges of an endoscope (`twins`); RAM (twins) has its own.
+    the ranges of an endoscope (`twins`), or those that it was trained on; RAM (twins) has its own.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -382,14 +382,13 @@ def prepare_runtime(
     advanced = estimator.with_sensor(Sensor(noise_variance, sensor.zero_deviation_deg / sensor.scale))
     method = next(spec.name for spec in method_specs() if spec.training and spec.training.agent == file.agent)
     fallback = deployment.fallback_at(T, noise_variance)
+    checked_by = None if estimator.has_physics else twins or twins_of(file)
     return functools.partial(
         AssuredEstimator,
         *(method, advanced, fallback, deployment),
         limits=limits,
         sensor=PLAIN if sensor.is_plain else sensor,
-        twins=draw_twins(*twins, deployment.pull_mm, T, start == REST)
-        if twins and not estimator.has_physics
-        else None,
+        twins=draw_twins(*checked_by, deployment.pull_mm, T, start == REST) if checked_by else None,
     )
 
 

@@ -129,6 +129,9 @@ def flag_names(flags: Health | Alarm) -> list[str]:
     return [str(flag.name) for flag in flags]
 
 
+_WRONG = flag_names(WRONG_SENSOR)
+
+
 class RunCounts:
     """Counts of the samples of a run; a sink."""
 
@@ -137,6 +140,7 @@ class RunCounts:
         self.sources: collections.Counter[Source] = collections.Counter()  # by source of the estimate
         self.faults: collections.Counter[str] = collections.Counter()  # by fault
         self.alarms: collections.Counter[str] = collections.Counter()  # by alarm
+        self.began_s: dict[str, float] = {}  # time stamp at which each alarm was first raised [s]
 
     def add(self, sample: StreamSample) -> None:
         """Count one sample."""
@@ -145,7 +149,9 @@ class RunCounts:
         self.faulty += bool(reading.health)
         self.sources[reading.source] += 1
         self.faults.update(flag_names(reading.health))
-        self.alarms.update(flag_names(reading.alarms))
+        for name in flag_names(reading.alarms):
+            self.alarms[name] += 1
+            self.began_s.setdefault(name, sample.time_s)
 
     def close(self) -> None:
         """Do nothing: the counts stay."""
@@ -163,6 +169,7 @@ class RunCounts:
             "faulty": self.faulty,
             "faults": dict(self.faults),
             "alarms": dict(self.alarms),
+            "alarms_began_s": self.began_s,
         }
 
     def __str__(self) -> str:
@@ -170,6 +177,9 @@ class RunCounts:
         text = f"{self.samples} samples, {self.share(Source.FALLBACK):.1%} by the fallback"
         if self.sources[Source.BLEND]:
             text += f", {self.share(Source.BLEND):.1%} blended"
+        if by_twins := self.share(Source.TWINS):
+            wrong = [f"{name} from {self.began_s[name]:g} s" for name in _WRONG if name in self.began_s]
+            text += f", {by_twins:.1%} by twins as the sensor was wrong ({', '.join(wrong)})"
         text += f", {self.faulty} with faults"
         if self.faults:
             text += f" ({', '.join(f'{name} {count}' for name, count in self.faults.most_common())})"

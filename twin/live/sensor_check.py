@@ -47,7 +47,7 @@ _OF_MEDIAN = math.pi / 2  # variance of a median relative to that of a mean
 MOVED_ZERO_S, MOVED_ZERO_DEG = 10.0, 5.0
 """Time for which, and motion along which, a constant departure makes it the new zero of the sensor."""
 MOST_USUAL = 25.0  # times the usual square, that one counts at most
-MOST_POINTS = 300
+MOST_POINTS = 300  # blocks of an alarm that its name and its end are judged by
 CLEARLY = 0.7  # times the squares of the fault that was found before
 
 
@@ -68,14 +68,13 @@ class SensorCheck:
 
     Attributes:
         alarm: `Alarm` of the sensor as a number; 0 while it is believed.
-        since_s: time of the stream at which the alarm began; NaN without one [s].
         doubted: whether the interval has to include the prediction.
         kept: what came with the sample from which the twins predict.
     """
 
     def __init__(self, members: int, sample_time: float, noise_variance: float, zero_deviation_deg: float):
         """Begin with nothing known but R [deg^2], and the deviation of the sensor's zero [deg]."""
-        self.alarm, self.since_s, self.doubted, self.kept = 0, math.nan, False, None
+        self.alarm, self.doubted, self.kept = 0, False, None
         self._variance = noise_variance
         self._to_weights = (np.eye(members) - 1 / members) / math.sqrt(members - 1)
         size = members + 2
@@ -234,7 +233,7 @@ class SensorCheck:
             self._points.clear()
             self.kept = oldest.kept
             self._agrees_s = self._zero_moved_s = 0.0
-            self.alarm, self.since_s = Alarm.BIAS.value, now
+            self.alarm = Alarm.BIAS.value
             return
         usual = self._known.usual
         square = float(departures[len(old) // 2]) ** 2 * max(oldest.usual, 1.0)
@@ -280,7 +279,7 @@ class SensorCheck:
 
     def _believe(self, known: Snapshot) -> None:
         known = known._replace(kept=self.kept)
-        self.alarm, self.since_s, self.doubted = 0, math.nan, False
+        self.alarm, self.doubted = 0, False
         self._known = known
         self._snapshots.clear()
         self._snapshots.append(known)

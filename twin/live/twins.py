@@ -10,6 +10,7 @@ from twin.errors import InputError
 from twin.estimation.estimator import Estimator
 
 if TYPE_CHECKING:  # twins are loaded when they are asked for
+    from twin.estimation.learned.trained_file import TrainedFile
     from twin.preset import Preset, Ranges
     from twin.reduced.members import Following, Members
 
@@ -48,6 +49,23 @@ class Twins(Estimator["Following"]):
     def twins_deg(self, state: "Following") -> Array:
         """Return the (B, M) angles of the twins [deg]."""
         return state.of_filters()
+
+
+def twins_of(file: "TrainedFile") -> "tuple[Preset, Ranges] | None":
+    """Return the endoscope and the ranges of the twins that a file was trained on; None without any."""
+    if not {"preset", "ranges"} <= set(file.description):
+        return None
+    from twin.files.json_text import validated
+    from twin.files.trained_schema import TwinsFile
+    from twin.preset import Ranges
+    from twin.preset.file import preset_of
+
+    try:
+        held = validated(TwinsFile, file.description)
+        ranges = Ranges(tuple((name, *limits) for name, limits in held.ranges.items()))
+        return preset_of("preset", held.preset), ranges
+    except ValueError as error:
+        raise InputError(f"{file.path}: the twins of its training: {error}") from error
 
 
 def draw_twins(
