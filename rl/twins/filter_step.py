@@ -5,7 +5,14 @@ from typing import Any, ClassVar, NamedTuple
 import torch
 
 from twin.estimation.gaussian import DEVIATIONS_OF_95
-from twin.estimation.learned.ram_twins import FIRST_ERROR_DEG2
+from twin.estimation.member_motion import (
+    FIRST_ERROR_DEG2,
+    GROWTH_DEG2_PER_MM,
+    GROWTH_DEG2_PER_S,
+    MEMBERS_PER_MM,
+    MEMORY_MM,
+    ZERO_PER_S,
+)
 
 
 def network(inputs: int, hidden: int, outputs: int, layers: int = 2) -> torch.nn.Sequential:
@@ -83,10 +90,6 @@ class FilterStep(torch.nn.Module):
         return DEVIATIONS_OF_95 * torch.exp(2 * torch.tanh(self.interval(seen)[..., 0]))
 
 
-MEMORY_MM = 5.0  # way of the tendon after which d is forgotten
-GROWTH_DEG2_PER_MM, GROWTH_DEG2_PER_S = 0.05, 0.0065  # of the variance of d
-MEMBERS_PER_MM = 5e-4  # growth of the variance of the coefficients: what keeps them awake for hours
-ZERO_PER_S = 2e-5  # growth of the variance of b, as a share of that before anything is measured
 NO_ERROR = 1e-6  # share of the variances of d where there is to be none; zero would mark a first sample
 
 

@@ -29,7 +29,7 @@ SPIKE_DEG, SHIFT_DEG, WRONG_PULL_MM, CLOCK_S = 60.0, 8.0, 5.0, 3600.0
 _FAULTS, _LATENCY = OTHER_STREAMS + 3, OTHER_STREAMS + 4
 _BEFORE_S, _LONG_BEFORE_S, _AFTER_S = 15.0, 45.0, 3.0  # of good samples; the second before faults of a sensor
 WRONG_BY_DEG = 12.0  # measurements of a wrong sensor, where it must be recognised
-GAIN, DRIFT_DEG_S, ALTERNATING_DEG = 0.6, 2.0, 0.1
+GAIN, DRIFT_DEG_S, ALTERNATING_DEG = 0.8, 1.0, 0.1
 _FLAGGED_WITHIN_S = 1.0  # after a fault: a gap is known when it ends
 _TWINS = 3
 _BUSY = 1.5  # times its processor time: a longer wait is for other work
@@ -98,7 +98,7 @@ FAULTS = (
     Fault(f"sensor of gain {GAIN:g}", 8.0, _mapped(lambda measured, _: GAIN * measured), of_sensor=True),
     Fault(
         f"sensor that drifts by {DRIFT_DEG_S:g} deg/s",
-        10.0,
+        16.0,
         _mapped(lambda measured, seconds: measured + DRIFT_DEG_S * seconds),
         of_sensor=True,
     ),

@@ -18,6 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.estimation.gaussian import DEVIATIONS_OF_95
+from twin.estimation.member_motion import (
+    FIRST_ERROR_DEG2,
+    GROWTH_DEG2_PER_MM,
+    GROWTH_DEG2_PER_S,
+    MEMBERS_PER_MM,
+    MEMORY_MM,
+    ZERO_PER_S,
+)
 from twin.live.reading import Alarm
 
 Array = NDArray[np.float64]
@@ -26,7 +34,7 @@ BLOCK_S = 0.1  # samples are averaged over
 WINDOW_S, FEWEST = 1.1, 3  # over which departures have their median: at least so many blocks
 SNAPSHOT_S, OLDEST_S = 1.5, 10.5  # between states that are kept, and the age of the oldest
 UNEXPLAINED_DEG = 0.5  # standard deviation of what no prediction explains, however sure it is
-LARGEST = 6.0
+LARGEST = 5.0
 """Standard deviations of a departure from which it is an alarm."""
 DOUBTFUL = 2.5  # from which the interval includes the prediction
 AGREES, AGREES_S, AGREES_DEG, AGREES_STILL_S = 3.0, 2.0, 4.0, 10.0
@@ -40,9 +48,7 @@ MATURE_S, MATURE_DEG = 20.0, 5.0
 """Before so long, and so much motion, nothing is known of how well the twins fit, and there is no alarm."""
 CLIPPED = 4.0  # standard deviations that an innovation counts at most
 FEWEST_TWINS = 10  # of which the filter makes an endoscope
-MEMORY_MM = 5.0  # way of the tendon after which d is forgotten
-_ERROR_DEG2, _ERROR_PER_MM, _ERROR_PER_S = 0.02, 0.05, 0.0065  # first variance of d, and its growth
-_WEIGHTS_PER_MM, _ZERO_PER_S = 5e-4, 2e-5  # growth of the variances of c, and of b relative to the first
+_SETTLED_DEG2 = GROWTH_DEG2_PER_MM * MEMORY_MM / 2  # variance of d after a long way
 _OF_MEDIAN = math.pi / 2  # variance of a median relative to that of a mean
 MOVED_ZERO_S, MOVED_ZERO_DEG = 10.0, 5.0
 """Time for which, and motion along which, a constant departure makes it the new zero of the sensor."""
@@ -79,8 +85,8 @@ class SensorCheck:
         self._to_weights = (np.eye(members) - 1 / members) / math.sqrt(members - 1)
         size = members + 2
         first = np.ones(size)
-        first[-2:] = _ERROR_DEG2, zero_deviation_deg**2
-        self._zero_growth = _ZERO_PER_S * zero_deviation_deg**2
+        first[-2:] = FIRST_ERROR_DEG2, zero_deviation_deg**2
+        self._zero_growth = ZERO_PER_S * zero_deviation_deg**2
         self._known = Snapshot(np.zeros(size), np.diag(first), 0.0, 0.0, FIRST_USUAL)
         block_s = max(BLOCK_S, sample_time)
         self._block_s = block_s - sample_time / 2
@@ -148,9 +154,9 @@ class SensorCheck:
         covariance[-2] *= keep
         covariance[:, -2] *= keep
         diagonal = np.einsum("ii->i", covariance)
-        diagonal[:-2] += _WEIGHTS_PER_MM * way_mm
+        diagonal[:-2] += MEMBERS_PER_MM * way_mm
         # d decays along the way that its variance grows by
-        diagonal[-2] += _ERROR_PER_MM * MEMORY_MM / 2 * (1 - keep * keep) + _ERROR_PER_S * time_s
+        diagonal[-2] += _SETTLED_DEG2 * (1 - keep * keep) + GROWTH_DEG2_PER_S * time_s
         diagonal[-1] += self._zero_growth * time_s
         return known._replace(
             mean=mean,
@@ -209,9 +215,9 @@ class SensorCheck:
         seen_as[:, -2], seen_as[:, -1] = keep[:, -1], 1.0
         covariance = np.array([of.covariance for of in snapshots])
         variance = (seen_as * (covariance @ seen_as[:, :, None])[:, :, 0]).sum(axis=1)
-        variance += _WEIGHTS_PER_MM * (angles[-1, :-2] ** 2).sum() * -MEMORY_MM * np.log(keep[:, -1])
-        variance += _ERROR_PER_MM * MEMORY_MM / 2 * (1 - keep[:, -1] ** 2)
-        variance += _ERROR_PER_S * (self._known.time_s - np.array([of.time_s for of in snapshots]))
+        variance += MEMBERS_PER_MM * (angles[-1, :-2] ** 2).sum() * -MEMORY_MM * np.log(keep[:, -1])
+        variance += _SETTLED_DEG2 * (1 - keep[:, -1] ** 2)
+        variance += GROWTH_DEG2_PER_S * (self._known.time_s - np.array([of.time_s for of in snapshots]))
         count = sum(count for *_, count in self._window)
         of_noise = _OF_MEDIAN * self._variance / count
         scaled: Array = departure / np.sqrt((variance + UNEXPLAINED_DEG**2) * max(usual, 1.0) + of_noise)

@@ -29,6 +29,7 @@ from twin.estimation.learned.step import (
     step_network,
 )
 from twin.estimation.learned.trained_file import TrainedFile, read_trained_file
+from twin.estimation.member_motion import FIRST_ERROR_DEG2
 from twin.estimation.registry import MethodSpec, Training, register_method
 from twin.files.shown import shown
 
@@ -38,7 +39,6 @@ if TYPE_CHECKING:  # twins are loaded when one is used: a table of methods needs
 Array = NDArray[np.float64]
 AGENT = "ram-twins"
 STATE = ("mean", "covariance", "counts", "samples", "statistics", "rows", "rows_covariance", "evidence")
-FIRST_ERROR_DEG2 = 0.02  # variance of d before anything is measured
 FARTHEST_DEG = 180.0  # of a measurement from the twins
 
 
