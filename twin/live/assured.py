@@ -90,8 +90,7 @@ class AssuredEstimator:
         initial_bend_deg: float,  # estimate at the first sample [deg]
         limits: StreamLimits | None = None,  # beyond which a sample is refused
         sensor: SensorModel = PLAIN,  # by which measurements are corrected
-        twins: Estimator[Any]
-        | None = None,  # that check the sensor; those of the trained estimator, if it has any
+        twins: Estimator[Any] | None = None,  # that check the sensor, where the trained estimator has none
     ):
         """Prepare a stream that starts at an estimate [deg]."""
         self.method, self.sample_time = method, fallback.sample_time

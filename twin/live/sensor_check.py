@@ -130,7 +130,7 @@ class SensorCheck:
             since, now.way_mm + self._way_mm - since.way_mm, now.time_s + self._time_s - since.time_s
         )
         angle = self._angle(self._members_deg)
-        variance = float(angle @ known.covariance @ angle) + UNEXPLAINED_DEG**2
+        variance = max(float(angle @ known.covariance @ angle), 0.0) + UNEXPLAINED_DEG**2
         half_width = DEVIATIONS_OF_95 * math.sqrt(variance * max(known.usual, 1.0))
         return float(self._members_deg.mean() + angle @ known.mean), half_width
 
@@ -194,9 +194,9 @@ class SensorCheck:
         expected = float(seen_as @ towards) + self._variance / self._count
         innovation = measured - float(seen_as @ known.mean)
         share = min(CLIPPED * math.sqrt(expected) / max(abs(innovation), 1e-9), 1.0)
-        gain = towards * (share / expected)
-        covariance = known.covariance - gain[:, None] * towards
-        return known._replace(mean=known.mean + gain * innovation, covariance=covariance)
+        gain = share / expected
+        covariance = known.covariance - gain * np.outer(towards, towards)  # symmetric to the last bit
+        return known._replace(mean=known.mean + gain * innovation * towards, covariance=covariance)
 
     def _departures(self, snapshots: list[Snapshot], usual: float) -> Array:
         """Return the (S,) median departures of the window from predictions, in standard deviations.
@@ -214,7 +214,7 @@ class SensorCheck:
         seen_as = np.tile(angles[-1], (len(snapshots), 1))
         seen_as[:, -2], seen_as[:, -1] = keep[:, -1], 1.0
         covariance = np.array([of.covariance for of in snapshots])
-        variance = (seen_as * (covariance @ seen_as[:, :, None])[:, :, 0]).sum(axis=1)
+        variance = np.maximum((seen_as * (covariance @ seen_as[:, :, None])[:, :, 0]).sum(axis=1), 0.0)
         variance += MEMBERS_PER_MM * (angles[-1, :-2] ** 2).sum() * -MEMORY_MM * np.log(keep[:, -1])
         variance += _SETTLED_DEG2 * (1 - keep[:, -1] ** 2)
         variance += GROWTH_DEG2_PER_S * (self._known.time_s - np.array([of.time_s for of in snapshots]))
