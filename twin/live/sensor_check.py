@@ -34,7 +34,7 @@ BLOCK_S = 0.1  # samples are averaged over
 WINDOW_S, FEWEST = 1.1, 3  # over which departures have their median: at least so many blocks
 SNAPSHOT_S, OLDEST_S = 1.5, 10.5  # between states that are kept, and the age of the oldest
 UNEXPLAINED_DEG = 0.5  # standard deviation of what no prediction explains, however sure it is
-LARGEST = 5.0
+LARGEST = 6.0
 """Standard deviations of a departure from which it is an alarm."""
 DOUBTFUL = 2.5  # from which the interval includes the prediction
 AGREES, AGREES_S, AGREES_DEG, AGREES_STILL_S = 3.0, 2.0, 4.0, 10.0
@@ -46,6 +46,8 @@ FIRST_USUAL, FIRST_DEG, MOST_DEG = 4.0, 5.0, 300.0
 also the motion along which departures are remembered."""
 MATURE_S, MATURE_DEG = 20.0, 5.0
 """Before so long, and so much motion, nothing is known of how well the twins fit, and there is no alarm."""
+JUMP, JUMP_S = 30.0, 10.0
+"""But for a departure as large as this while they hardly move, from some time on: no endoscope jumps."""
 CLIPPED = 4.0  # standard deviations that an innovation counts at most
 FEWEST_TWINS = 10  # of which the filter makes an endoscope
 _SETTLED_DEG2 = GROWTH_DEG2_PER_MM * MEMORY_MM / 2  # variance of d after a long way
@@ -234,7 +236,8 @@ class SensorCheck:
         largest = float(np.abs(departures).max())
         self.doubted = largest > DOUBTFUL
         mature = oldest.moved_deg >= MATURE_DEG and oldest.time_s >= MATURE_S
-        if largest > LARGEST and mature:
+        still = self._known.moved_deg - old[-1].moved_deg < MATURE_DEG and now >= JUMP_S
+        if largest > LARGEST and (mature or (still and abs(float(departures[-1])) > JUMP)):
             self._known = self._ahead(oldest, self._known.way_mm - oldest.way_mm, now - oldest.time_s)
             self._points.clear()
             self.kept = oldest.kept
