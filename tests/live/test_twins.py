@@ -69,6 +69,16 @@ def test_while_the_sensor_has_the_wrong_sign_the_twins_predict_for_a_filter_that
     assert error[back + 10 :].max() < 2 * error[50:BEGINS].max()
 
 
+def test_wrong_pulls_that_make_the_twins_start_again_are_no_fault_of_the_sensor(twins, endoscope):
+    pull, truth = endoscope
+    measured = truth + np.sqrt(R) * np.random.default_rng(2).standard_normal(len(truth))
+    seen = pull.copy()
+    seen[BEGINS : BEGINS + 20] += 5.0
+    live, readings = run(twins, (seen, truth), measured)
+    assert live.advanced.restarts > 0
+    assert not any(of.alarms & WRONG_SENSOR for of in readings[BEGINS + 30 :])
+
+
 def test_twins_leave_a_healthy_stream_as_it_is(twins, endoscope):
     measured = endoscope[1] + np.sqrt(R) * np.random.default_rng(1).standard_normal(len(endoscope[1]))
     with_twins, without = (run(one, endoscope, measured)[1] for one in (twins, None))

@@ -116,7 +116,7 @@ class AssuredEstimator:
         )
         self._twins = OnlineEstimator(twins, self.sample_time, 0.0, limits) if twins else self.advanced
         self._check: SensorCheck | None = None  # from the first sample on, where there are twins
-        self._moved_mm = 0.0
+        self._moved_mm, self._twins_restarts = 0.0, 0
         self._patience = max(round(TRUST_S / self.sample_time), 1)
         self._trusted = True
         self._bad = self._good = 0  # samples in a row
@@ -231,11 +231,15 @@ class AssuredEstimator:
         if len(members) < FEWEST_TWINS:
             return None
         check = self._check
-        if check is None:
+        limits = advanced.limits
+        jumped = self._moved_mm > limits.pull_jump_mm + limits.pull_speed_mm_s * elapsed_s
+        # Twins that have jumped are no witnesses of what they knew before.
+        if check is None or ((jumped or twins.restarts != self._twins_restarts) and not check.alarm):
+            self._twins_restarts = twins.restarts
             check = self._check = SensorCheck(
                 len(members), self.sample_time, self.noise_variance, self._zero_deviation_deg
             )
-        if not abs(measurement_deg) <= advanced.limits.bend_deg:
+        if not abs(measurement_deg) <= limits.bend_deg:
             measurement_deg = math.nan
         was = check.alarm
         check.push(members, self._moved_mm, measurement_deg, elapsed_s, (advanced.state, fallback.state))
@@ -244,6 +248,7 @@ class AssuredEstimator:
             kept = check.kept or (None, None)
             advanced.restart_from(kept[0], bend)
             fallback.restart_from(kept[1], bend)
+            self._twins_restarts = twins.restarts
             self._monitor.clear()
             self._trusted, self._weight, self._good, self._bad = True, 1.0, 0, 0
         return check

@@ -205,12 +205,12 @@ class OnlineEstimator(Generic[State]):
             self.faults |= _OUTLIER
             agreeing_deg, refused = self._gate.width_deg(1.0), (pull_mm, measurement_deg)
             accepted = self._outliers.is_accepted(measurement_deg, agreeing_deg, refused)
-            if accepted and self._restart_at(self._outliers):
+            if accepted and self._restart_at(self._outliers, self.state):
                 return
             measurement_deg = math.nan
         self._step(pull_mm, measurement_deg, left_s)
         if measurement_deg == measurement_deg and self._bias.is_biased(measurement_deg - self.bend_deg):
-            self._restart(pull_mm, self.bend_deg + self._bias.offset_deg)
+            self._restart(pull_mm, self.bend_deg + self._bias.offset_deg, self.state)
 
     def _fill(self, elapsed_s: float, pull_mm: float, travel_mm: float) -> float:
         """Predict the samples of a gap, or a long move in pieces; return the time left for the sample [s]."""
@@ -254,7 +254,7 @@ class OnlineEstimator(Generic[State]):
             self.state, self.bend_deg, self.pull_mm = state, bend_deg, pull_mm
         return sound
 
-    def _restart_at(self, run: AgreeingRun) -> bool:
+    def _restart_at(self, run: AgreeingRun, now: State | None = None) -> bool:
         """Restart in the middle of a run of samples that agree; not where nothing was measured."""
         found = run.restart()
         self._far_pulls.clear()
@@ -262,7 +262,7 @@ class OnlineEstimator(Generic[State]):
         if found is None:
             return False
         first, rest = found
-        self._restart(*first)
+        self._restart(*first, now)
         for sample in rest:
             self._step(*sample, self.sample_time)
         return True

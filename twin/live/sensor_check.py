@@ -209,7 +209,8 @@ class SensorCheck:
         measured = np.array([of for _, of, _, _ in self._window])
         ways = np.array([way for *_, way, _ in self._window])
         means = np.array([of.mean for of in snapshots])
-        keep = np.exp((np.array([of.way_mm for of in snapshots])[:, None] - ways) / MEMORY_MM)
+        gone = ways - np.array([of.way_mm for of in snapshots])[:, None]
+        keep = np.exp(-gone / MEMORY_MM)
         predicted = means[:, :-2] @ angles[:, :-2].T + keep * means[:, -2:-1] + means[:, -1:]
         departure = np.sort(measured - predicted, axis=1)[:, len(measured) // 2]
 
@@ -217,7 +218,7 @@ class SensorCheck:
         seen_as[:, -2], seen_as[:, -1] = keep[:, -1], 1.0
         covariance = np.array([of.covariance for of in snapshots])
         variance = np.maximum((seen_as * (covariance @ seen_as[:, :, None])[:, :, 0]).sum(axis=1), 0.0)
-        variance += MEMBERS_PER_MM * (angles[-1, :-2] ** 2).sum() * -MEMORY_MM * np.log(keep[:, -1])
+        variance += MEMBERS_PER_MM * (angles[-1, :-2] ** 2).sum() * gone[:, -1]
         variance += _SETTLED_DEG2 * (1 - keep[:, -1] ** 2)
         variance += GROWTH_DEG2_PER_S * (self._known.time_s - np.array([of.time_s for of in snapshots]))
         count = sum(count for *_, count in self._window)
