@@ -160,7 +160,7 @@ def test_policy_without_bounds_is_refused(paper_policy, tmp_path):
 def test_faults_and_latency_are_tried_in_the_runtime(untrained):
     assert stream.no_nan(untrained).holds is True
     errors, flagged = stream.errors(untrained), stream.flagged(untrained)
-    assert len(errors.rows) == 10
+    assert len(errors.rows) == len(stream.FAULTS)
     assert {row["fault"]: row["flagged"] for row in flagged.rows}["no measurement"] == 1
     assert stream.latency(untrained).figure > 0
 
