@@ -100,6 +100,15 @@ def test_twins_are_of_the_ranges_and_begin_each_with_a_history_of_its_own():
     assert spread[0] < spread[1]
 
 
+def test_a_step_of_the_twins_spans_the_time_that_has_passed(twins):
+    """A sheath, a servo and viscosity need time: one long step is several of T."""
+    begun = twins.start(np.array([2.0]), np.zeros(1))
+    missing = np.full(1, np.nan)
+    long = twins.over(3 * T).step(begun, np.array([3.0]), np.array([2.0]), missing)
+    short = twins.step(begun, np.array([3.0]), np.array([2.0]), missing)
+    assert (long.time, short.time) == (pytest.approx(3 * T), pytest.approx(T))
+
+
 def test_twins_in_two_planes_are_refused():
     with pytest.raises(InputError, match="two bending planes"):
         draw_twins(

@@ -1,7 +1,7 @@
 """Twins that follow the command of a live stream, for the check of the sensor where an estimator has none."""
 
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,11 @@ class Twins(Estimator["Following"]):
 
     members: "Members"
     from_rest: bool
+    elapsed_s: float | None = None  # that a step spans; T where none is given
+
+    def over(self, elapsed_s: float) -> Self:
+        """Return the twins whose step spans another time [s]."""
+        return dataclasses.replace(self, elapsed_s=elapsed_s)
 
     def start(self, pull_mm: Array, bend_deg: Array) -> "Following":
         """Return the twins at the first pull."""
@@ -35,7 +40,7 @@ class Twins(Estimator["Following"]):
         self, state: "Following", pull_mm: Array, previous_pull_mm: Array, measurement_deg: Array
     ) -> "Following":
         """Return the twins one sample later."""
-        return self.members.step(state, pull_mm)
+        return self.members.step(state, pull_mm, self.elapsed_s)
 
     def resume(self, trusted: "Following", now: "Following", pull_mm: Array, bend_deg: Array) -> "Following":
         """Go on: a wrong sensor does not concern them."""
@@ -62,8 +67,7 @@ def twins_of(file: "TrainedFile") -> "tuple[Preset, Ranges] | None":
 
     try:
         held = validated(TwinsFile, file.description)
-        ranges = Ranges(tuple((name, *limits) for name, limits in held.ranges.items()))
-        return preset_of("preset", held.preset), ranges
+        return preset_of("preset", held.preset), Ranges.from_dict(held.ranges)
     except ValueError as error:
         raise InputError(f"{file.path}: the twins of its training: {error}") from error
 
@@ -83,6 +87,7 @@ def draw_twins(
     found = simulate_batch(drawn, [there] * len(drawn), sample_time)
     able = [one for one, episode in zip(drawn, found, strict=True) if episode is not None][:TWINS]
     if len(able) < TWINS:
-        raise InputError(f"{preset.name!r}: {len(able)} of {len(drawn)} twins from its ranges are simulable")
+        found_able = f"{len(able)} of {len(drawn)} twins from its ranges can be simulated"
+        raise InputError(f"{preset.name!r}: {found_able}: at least {TWINS} must")
     members = MemberSet.still(able)._replace(turns_mm=draw_turns(stroke_mm, TWINS, rng))
     return Twins(Members(members, sample_time), from_rest)

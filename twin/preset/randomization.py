@@ -1,8 +1,9 @@
 """Domain randomisation: presets drawn from the `ranges` of a preset file."""
 
 import dataclasses
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +84,11 @@ class Ranges:
         """Return the ranges as a preset file holds them."""
         return {name: [low, high] for name, low, high in self.limits}
 
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Sequence[float]]) -> Self:
+        """Return the ranges from the values of `to_dict`."""
+        return cls(tuple((name, low, high) for name, (low, high) in values.items()))
+
 
 def load_ranges(name_or_path: str | Path) -> Ranges:
     """Read the ranges of a built-in preset by its name, or of a YAML file."""
@@ -97,7 +103,7 @@ def load_ranges(name_or_path: str | Path) -> Ranges:
             what = f"range of {cut(str(name), 40)} = {shown(limits)}"
             raise InputError(f"{name_or_path}: {what}: must be [low, high]")
     try:
-        return Ranges(tuple((str(name), *limits) for name, limits in stated.items()))
+        return Ranges.from_dict({str(name): limits for name, limits in stated.items()})
     except ValueError as error:
         raise InputError(f"{name_or_path}: {error}") from error
 
