@@ -235,7 +235,7 @@ class LiveViewer:
 
     @functools.cached_property
     def _greeting(self) -> tuple[str, str]:
-        """What each viewer is told first: the server, and its topics."""
+        """What each viewer gets first: the server, and its topics."""
         info = {"op": "serverInfo", "name": "EndoTwin", "capabilities": [], "sessionId": str(time.time_ns())}
         schemas = {topic: self._stream.schemas[topic].DESCRIPTOR for topic in self._topics.values()}
         channels = [

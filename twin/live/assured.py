@@ -114,7 +114,9 @@ class AssuredEstimator:
         self._zero_deviation_deg = float(
             np.asarray(getattr(advanced, "zero_deviation_deg", ZERO_DEVIATION_DEG))
         )
-        self._twins = OnlineEstimator(twins, self.sample_time, 0.0, limits) if twins else self.advanced
+        self._twins: OnlineEstimator[Any] | None = self.advanced if advanced.has_physics else None
+        if twins:
+            self._twins = OnlineEstimator(twins, self.sample_time, 0.0, limits)
         self._check: SensorCheck | None = None  # from the first sample on, where there are twins
         self._moved_mm, self._twins_restarts = 0.0, 0
         self._patience = max(round(TRUST_S / self.sample_time), 1)
@@ -143,7 +145,7 @@ class AssuredEstimator:
         ignored = fallback.ignored
         bend = advanced.push(time_s, pull_mm, accepted)
         fallback_deg = fallback.push(time_s, pull_mm, accepted)
-        if self._twins is not advanced:
+        if self._twins is not None and self._twins is not advanced:
             self._twins.push(time_s, pull_mm)
         self.samples += 1
         state = fallback.state
@@ -162,7 +164,9 @@ class AssuredEstimator:
         alarms, half_width, fallback_half_width = self._judge(state, elapsed, bend, fallback_deg, faults)
         if stuck:
             alarms |= Alarm.STUCK.value
-        check = self._check_sensor(math.nan if stuck else measurement_deg, elapsed)
+        check = None
+        if self._twins is not None:
+            check = self._check_sensor(self._twins, math.nan if stuck else measurement_deg, elapsed)
         # The sample at which an alarm ends is the last of the twins.
         if check is not None and (check.alarm or (wrong and not stuck)):
             return self._read(*check.prediction(), Source.TWINS, (alarms | check.alarm) & ~_TIMEOUT)
@@ -223,31 +227,31 @@ class AssuredEstimator:
                 return _LOST
         return _LOST if self.advanced.faults & ~self.fallback.faults & _REFUSED else 0
 
-    def _check_sensor(self, measurement_deg: float, elapsed_s: float) -> SensorCheck | None:
-        """Check the sensor by twins, if there are any; where an alarm ends, both estimators start again."""
+    def _check_sensor(
+        self, twins: OnlineEstimator[Any], measurement_deg: float, elapsed_s: float
+    ) -> SensorCheck | None:
+        """Check the sensor, if twins are enough; where an alarm ends, both estimators start again."""
         advanced, fallback = self.advanced, self.fallback
-        twins = self._twins
         members = twins.form.twins_deg(twins.state)
         if len(members) < FEWEST_TWINS:
             return None
-        check = self._check
+        check, states = self._check, (advanced.state, fallback.state)
         limits = advanced.limits
         jumped = self._moved_mm > limits.pull_jump_mm + limits.pull_speed_mm_s * elapsed_s
         # Twins that have jumped are no witnesses of what they knew before.
         if check is None or ((jumped or twins.restarts != self._twins_restarts) and not check.alarm):
             self._twins_restarts = twins.restarts
             check = self._check = SensorCheck(
-                len(members), self.sample_time, self.noise_variance, self._zero_deviation_deg
+                len(members), self.sample_time, self.noise_variance, self._zero_deviation_deg, states
             )
         if not abs(measurement_deg) <= limits.bend_deg:
             measurement_deg = math.nan
         was = check.alarm
-        check.push(members, self._moved_mm, measurement_deg, elapsed_s, (advanced.state, fallback.state))
+        check.push(members, self._moved_mm, measurement_deg, elapsed_s, states)
         if was and not check.alarm:
             bend, _ = check.prediction()
-            kept = check.kept or (None, None)
-            advanced.restart_from(kept[0], bend)
-            fallback.restart_from(kept[1], bend)
+            advanced.restart_from(check.kept[0], bend)
+            fallback.restart_from(check.kept[1], bend)
             self._twins_restarts = twins.restarts
             self._monitor.clear()
             self._trusted, self._weight, self._good, self._bad = True, 1.0, 0, 0

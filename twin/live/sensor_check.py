@@ -76,20 +76,27 @@ class SensorCheck:
 
     Attributes:
         alarm: `Alarm` of the sensor as a number; 0 while it is believed.
-        doubted: whether the interval has to include the prediction.
+        doubted: whether the interval has to include the prediction; not during an alarm.
         kept: what came with the sample from which the twins predict.
     """
 
-    def __init__(self, members: int, sample_time: float, noise_variance: float, zero_deviation_deg: float):
-        """Begin with nothing known but R [deg^2], and the deviation of the sensor's zero [deg]."""
-        self.alarm, self.doubted, self.kept = 0, False, None
+    def __init__(
+        self,
+        members: int,  # M
+        sample_time: float,  # T [s]
+        noise_variance: float,  # R [deg^2]
+        zero_deviation_deg: float,  # of what is known of the sensor's zero
+        kept: Any = None,  # as of the samples, see `push`
+    ):
+        """Begin with nothing known but the noise of the sensor."""
+        self.alarm, self.doubted, self.kept = 0, False, kept
         self._variance = noise_variance
         self._to_weights = (np.eye(members) - 1 / members) / math.sqrt(members - 1)
         size = members + 2
         first = np.ones(size)
         first[-2:] = FIRST_ERROR_DEG2, zero_deviation_deg**2
         self._zero_growth = ZERO_PER_S * zero_deviation_deg**2
-        self._known = Snapshot(np.zeros(size), np.diag(first), 0.0, 0.0, FIRST_USUAL)
+        self._known = Snapshot(np.zeros(size), np.diag(first), 0.0, 0.0, FIRST_USUAL, kept=kept)
         block_s = max(BLOCK_S, sample_time)
         self._block_s = block_s - sample_time / 2
         window = max(round(WINDOW_S / block_s), FEWEST)
@@ -243,7 +250,7 @@ class SensorCheck:
             self._points.clear()
             self.kept = oldest.kept
             self._agrees_s = self._zero_moved_s = 0.0
-            self.alarm = Alarm.BIAS.value
+            self.alarm, self.doubted = Alarm.BIAS.value, False
             return
         usual = self._known.usual
         square = float(departures[len(old) // 2]) ** 2 * max(oldest.usual, 1.0)
@@ -289,7 +296,7 @@ class SensorCheck:
 
     def _believe(self, known: Snapshot) -> None:
         known = known._replace(kept=self.kept)
-        self.alarm, self.doubted = 0, False
+        self.alarm = 0
         self._known = known
         self._snapshots.clear()
         self._snapshots.append(known)
