@@ -51,13 +51,12 @@ def begun(estimator=PLAIN) -> OnlineEstimator:
 
 @each_estimator
 def test_even_stream_equals_whole_records_bit_for_bit(estimator):
-    pull, measurement = PULL.copy(), MEASUREMENT.copy()
-    pull[40:45] = np.nan
+    measurement = MEASUREMENT.copy()
     measurement[100:130] = np.nan
     measurement[7] = np.nan
     stream = OnlineEstimator(estimator, T, 75.0)
-    live = [stream.push(*sample) for sample in zip(TIME, pull, measurement, strict=True)]
-    np.testing.assert_array_equal(live, estimator.estimate(pull, measurement, 75.0)[0])
+    live = [stream.push(*sample) for sample in zip(TIME, PULL, measurement, strict=True)]
+    np.testing.assert_array_equal(live, estimator.estimate(PULL, measurement, 75.0)[0])
     assert (stream.steps, stream.ignored, stream.filled, stream.restarts) == (299, 0, 0, 0)
 
 
@@ -76,11 +75,42 @@ def test_gap_is_filled_as_a_whole_record_without_these_measurements(estimator):
 
 
 @pytest.mark.parametrize("broken", [math.nan, math.inf, -math.inf])
-def test_broken_measurement_is_missing_and_broken_pull_is_held(broken):
+def test_broken_number_is_missing(broken):
     stream, other = begun(), begun()
     assert stream.push(T, 3.2, broken) == other.push(T, 3.2, math.nan)
-    assert stream.push(2 * T, broken, 63.0) == other.push(2 * T, 3.2, 63.0)
+    assert stream.push(2 * T, broken, 63.0) == other.push(2 * T, math.nan, 63.0)
     assert stream.health == Health.NO_PULL
+
+
+@each_estimator
+def test_samples_without_a_pull_are_repeated_along_the_line_to_the_next_one(estimator):
+    clean, stream = OnlineEstimator(estimator, T, 75.0), OnlineEstimator(estimator, T, 75.0)
+    line = PULL.copy()
+    line[200:206] = np.linspace(PULL[199], PULL[206], 8)[1:-1]
+    for k, sample in enumerate(zip(TIME, line, MEASUREMENT, strict=True)):
+        expected = clean.push(*sample)
+        missing = 200 <= k < 206
+        found = stream.push(sample[0], math.nan if missing else sample[1], sample[2])
+        if missing:
+            assert stream.health == Health.NO_PULL
+        else:
+            assert found == pytest.approx(expected, abs=1e-9)
+    assert stream.restarts == 0
+
+
+def test_missing_pull_goes_on_at_its_speed_and_comes_to_rest():
+    stream, standing = begun(), begun()
+    for k in range(1, 21):
+        stream.push(k * T, 3.0 + 0.1 * k)
+        standing.push(k * T, 3.0)
+    pulls = []
+    for k in range(21, 41):
+        stream.push(k * T, math.nan)
+        standing.push(k * T, math.nan)
+        pulls.append(stream.pull_mm)
+    assert pulls[0] == pytest.approx(5.1, abs=1e-3)
+    assert pulls[10:] == pytest.approx([5.55] * 10, abs=1e-3)  # half a second's way at 1 mm/s, and a bit
+    assert standing.pull_mm == 3.0
 
 
 @pytest.mark.parametrize("far", [1e300, -1e20, 720.1])

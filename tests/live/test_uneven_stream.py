@@ -129,11 +129,12 @@ class Spanned(OnlineEstimator):
 )
 @example([(0.25, 2.0), (0.14, 0.0)])
 def test_steps_add_up_to_the_time_of_the_stamps_in_gaps_and_long_moves(samples):
-    stream, now = Spanned(), 0.0
-    stream.push(now, 3.0, math.nan)
+    stream, now, pull = Spanned(), 0.0, 3.0
+    stream.push(now, pull, math.nan)
     for elapsed, move in samples:
         now += elapsed
-        stream.push(now, 3.0 + move, math.nan)
+        pull += move * min(0.2 + elapsed, 1.0)  # no implausible move: its samples would be repeated
+        stream.push(now, pull, math.nan)
     assert min(stream.spans_s) > 0
     assert sum(stream.spans_s) == pytest.approx(now, rel=2e-4, abs=1e-12)
 

@@ -28,7 +28,8 @@ GAP_SAMPLES = 1.5  # a step in time longer than this many sample times is a gap
 FILL_LIMIT_S = 10.0  # a gap is filled with no more predictions than fit into this time
 FILL_LIMIT_SAMPLES = 2000  # and with no more than these: the next sample waits for them
 WALK_MM = 0.25  # length of the steps in which a longer move of the tendon is predicted: one may be unstable
-HOLD_LIMIT_S = 1.0  # longest time in which a pull may have moved on while it was held
+SPEED_S = 0.2  # time constant of the mean speed at which a missing pull goes on
+HOLD_LIMIT_S = 1.0  # longest time for which it goes on
 FAR_PULLS_AGREE = 3.0  # times the reach of a pull, within which two refused ones agree
 REFUSED_STEPS = 3  # in a row, after which the estimator restarts
 GOOD_STRETCH_S = 30.0  # of samples without a fault, after which the state before them is trusted
@@ -92,6 +93,9 @@ class OnlineEstimator(Generic[State]):
         self.state: State | None = None
         self.pull_mm = math.nan
         self._held_s = 0.0  # since the last pull
+        self._mean_speed_mm_s = 0.0  # of the pull
+        self._last_pulled: tuple[State, float, float] | None = None  # state, angle, pull; while none comes
+        self._unpulled: list[tuple[float, float]] = []  # measurements since then, and the time before each
         self._gap_s, self._uneven_s = GAP_SAMPLES * sample_time, EVEN * sample_time
         self._wild_deg = WILD * self.limits.bend_deg
         largest = sys.float_info.max
@@ -102,6 +106,7 @@ class OnlineEstimator(Generic[State]):
         self._latest_good: State | None = None  # after it
         self._good_in_a_row = 0
         self._stretch = math.ceil(min(max(GOOD_STRETCH_S / sample_time, 1.0), 1e9))
+        self._hold = samples_within(HOLD_LIMIT_S, sample_time)
         self._clock = StreamClock(sample_time, self.limits)
         self._gate = OutlierGate(sample_time, self.limits)
         self._enough = samples_within(self.limits.agreement_s, sample_time)
@@ -132,8 +137,9 @@ class OnlineEstimator(Generic[State]):
         the time since the sample before, or the sample time where both are equal to 1 part in 10,000.
 
         A pull or a measurement counts as missing if it is not finite, beyond its limit, or too far from the
-        last pull or estimate; the last pull is then held. A value that is not a real number raises
-        `ValueError`; the stream is then as it was before.
+        last pull or estimate. A missing pull goes on at its recent speed and comes to rest within a second;
+        if the next one arrives within that time, the samples are repeated along the straight line to it.
+        A value that is not a real number raises `ValueError`; the stream is then as it was before.
         """
         if not type(time_s) is type(pull_mm) is type(measurement_deg) is float:
             time_s, pull_mm = real_number("time_s", time_s), real_number("pull_mm", pull_mm)
@@ -174,9 +180,8 @@ class OnlineEstimator(Generic[State]):
 
     def _advance(self, elapsed_s: float, pull_mm: float, measurement_deg: float) -> None:
         self._held_s = min(self._held_s + elapsed_s, HOLD_LIMIT_S)
-        if pull_mm != pull_mm:  # NaN
-            pull_mm = self.pull_mm
-        else:
+        unpulled = pull_mm != pull_mm  # NaN
+        if not unpulled:
             reach = self._jump_mm + self._speed_mm_s * self._held_s
             if abs(pull_mm - self.pull_mm) > reach:
                 self.faults |= _IMPLAUSIBLE_PULL
@@ -185,13 +190,23 @@ class OnlineEstimator(Generic[State]):
                 if self._far_pulls.is_accepted(pull_mm, FAR_PULLS_AGREE * reach, refused):
                     if self._restart_at(self._far_pulls):
                         return
+                    self._forget_unpulled()
                 else:
-                    pull_mm = self.pull_mm
+                    unpulled = True
             else:
                 self._held_s = 0.0
                 if self._far_pulls.begun:
                     self._far_pulls.clear()
 
+        if unpulled:
+            pull_mm = self._continued_pull(elapsed_s)
+        else:
+            if self._last_pulled is not None:
+                self._repeat_unpulled(pull_mm, elapsed_s)
+            if elapsed_s > 0:
+                share = min(elapsed_s / SPEED_S, 1.0)
+                speed_mm_s = (pull_mm - self.pull_mm) / elapsed_s
+                self._mean_speed_mm_s += share * (speed_mm_s - self._mean_speed_mm_s)
         travel_mm = abs(pull_mm - self.pull_mm)
         left_s = elapsed_s
         if elapsed_s > self._gap_s or travel_mm > self._jump_mm:
@@ -208,9 +223,35 @@ class OnlineEstimator(Generic[State]):
             if accepted and self._restart_at(self._outliers, self.state):
                 return
             measurement_deg = math.nan
+        if unpulled:
+            if self._last_pulled is None and self.state is not None:
+                self._last_pulled = self.state, self.bend_deg, self.pull_mm
+            if len(self._unpulled) <= self._hold:
+                self._unpulled.append((measurement_deg, left_s))
         self._step(pull_mm, measurement_deg, left_s)
         if measurement_deg == measurement_deg and self._bias.is_biased(measurement_deg - self.bend_deg):
             self._restart(pull_mm, self.bend_deg + self._bias.offset_deg, self.state)
+
+    def _continued_pull(self, elapsed_s: float) -> float:
+        """Return a missing pull, which goes on at its mean speed and comes to rest within a second."""
+        left = max(1 - sum(of for _, of in self._unpulled) / HOLD_LIMIT_S, 0.0)
+        return self.pull_mm + self._mean_speed_mm_s * left * elapsed_s
+
+    def _repeat_unpulled(self, pull_mm: float, elapsed_s: float) -> None:
+        """Repeat the samples without a pull along the straight line to the one that has come."""
+        assert self._last_pulled is not None
+        unpulled = self._unpulled
+        if len(unpulled) <= self._hold:
+            self.state, self.bend_deg, self.pull_mm = self._last_pulled
+            seconds = sum(of for _, of in unpulled) + elapsed_s
+            speed = (pull_mm - self.pull_mm) / max(seconds, 1e-9)
+            for measurement_deg, step_s in unpulled:
+                self._step(self.pull_mm + speed * step_s, measurement_deg, step_s)
+        self._forget_unpulled()
+
+    def _forget_unpulled(self) -> None:
+        self._last_pulled = None
+        self._unpulled.clear()
 
     def _fill(self, elapsed_s: float, pull_mm: float, travel_mm: float) -> float:
         """Predict the samples of a gap, or a long move in pieces; return the time left for the sample [s]."""
@@ -303,6 +344,7 @@ class OnlineEstimator(Generic[State]):
             self._accept(resumed, pull_mm)
         self._refused_in_a_row = 0
         self._held_s = 0.0
+        self._forget_unpulled()
         self._bias.clear()
         self.restarts += 1
         self.faults |= _RESTARTED
