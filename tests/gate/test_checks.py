@@ -1,6 +1,7 @@
 """Each check refuses what it is for, gives the reason, and lets the sound pass."""
 
 import dataclasses
+import html
 import json
 import re
 
@@ -113,7 +114,7 @@ def test_twin_of_half_the_friction_does_not_reproduce_the_logs(untrained_twins):
     check = sufficiency.twin_of_logs(material_of(untrained_twins, episodes, preset=halved, ranges=ranges))
     assert check.holds is False
     assert check.figure > 5
-    assert "calibrate" in check.said
+    assert "Calibrate" in check.remedy
 
 
 def test_an_offset_of_the_sensor_is_named_and_corrected_for(untrained_twins):
@@ -126,7 +127,7 @@ def test_an_offset_of_the_sensor_is_named_and_corrected_for(untrained_twins):
     check = sufficiency.zero_of_logs(material_of(untrained_twins, [log], preset=preset, ranges=ranges))
     assert check.holds is False
     assert check.figure == pytest.approx(2.0, abs=0.15)
-    (stated,) = re.findall(r"--sensor-zero-deg (\S+)\)", check.said)
+    (stated,) = re.findall(r"--sensor-zero-deg (\S+)\)", check.remedy)
     assert float(stated) == pytest.approx(2.0, abs=0.15)
     known = preset.replace(sensor_zero=np.radians(2.0))
     material = material_of(untrained_twins, [log], preset=known, ranges=ranges)
@@ -182,3 +183,6 @@ def test_verdict_has_a_reason_for_every_check_that_does_not_pass(untrained, tmp_
     assert "endotwin gate x --out gate.html" in page
     for reason in verdict.reasons:
         assert reason.split(":")[0] in page
+    for check in verdict.checks:
+        assert bool(check.remedy) is (check.holds is not True), check.name
+        assert check.remedy in html.unescape(page)

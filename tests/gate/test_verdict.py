@@ -25,12 +25,13 @@ def test_what_passes(holds, required, passes):
 
 
 def test_one_check_that_fails_is_a_no_go_with_its_reason():
-    good, bad = Check(said="fine", holds=True, name="good"), Check(said="too slow", holds=False, name="bad")
-    verdict = GateVerdict(checks=(good, not_shown("none given")), subject={})
+    good = Check(said="fine", holds=True, name="good")
+    bad = Check(said="too slow", holds=False, name="bad", remedy="Be faster.")
+    verdict = GateVerdict(checks=(good, not_shown("none given", "Give one.")), subject={})
     assert verdict.word == "go"
     assert any("not shown" in reason for reason in verdict.reasons)
     verdict = GateVerdict(checks=(good, bad), subject={})
-    assert (verdict.word, verdict.reasons) == ("no-go", ("bad: too slow",))
+    assert (verdict.word, verdict.reasons) == ("no-go", ("bad: too slow. Be faster.",))
 
 
 def test_no_number_of_gate_json_is_infinite():

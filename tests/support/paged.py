@@ -140,7 +140,7 @@ def make_gate(folder: Path) -> Path:
     rows = ({"what": "Gaussian", "rival_deg": 1.0, "low_deg": -0.1, "difference_deg": 0.1, "high_deg": 0.2},)
     place = next(k for k, spec in enumerate(CHECKS) if "held-out" in spec.name)
     no = {"said": "it is worse", "figure": 2.0, "bar": 1.0, "holds": False, "rows": rows}
-    checks[place] = Check(name=CHECKS[place].name, **no)
+    checks[place] = Check(name=CHECKS[place].name, remedy=CHECKS[place].remedy, **no)
     subject = {"policy": "policy.onnx", "sha256": "0" * 64, "agent": "ram-twins", "preset": "a & b"}
     subject |= {"stroke_mm": [-4.0, 4.0], "sample_time_s": 0.1, "logs": [], "seed": 0, "quick": True}
     origin = origin_of("endotwin gate policy.onnx --quick", [])

@@ -21,6 +21,8 @@ IDENTITY, TWIN, ACCURACY, CALIBRATION, SAFETY = PARTS = (
     "Safety of its running",
 )
 """Parts of the argument, in their order."""
+GIVE_LOGS = "Give logs of this endoscope: endotwin gate POLICY LOGS."
+NOTHING = "Nothing."
 Line = Annotated[str, Field(max_length=4000)]
 
 
@@ -40,6 +42,8 @@ class Check(BaseModel):
     rows: Annotated[tuple[dict[str, Any], ...], Field(max_length=10_000)] = ()
     notes: Annotated[tuple[Line, ...], Field(max_length=1000)] = ()  # basis and limits of the evidence
     name: Line = ""  # of the check; its declaration sets it
+    # what the user can do where the check does not hold; that of its declaration, if it has no other
+    remedy: Line = ""
     # for the page alone: name, pull [mm], angle [deg] and what is compared with it [deg]
     curves: Annotated[tuple[Any, ...], Field(exclude=True)] = ()
 
@@ -80,7 +84,11 @@ class GateVerdict(BaseModel):
             unknown = [check.name for check in self.checks if check.holds is None]
             first = f"{held} of {len(self.checks)} checks hold, none fails"
             return (first, *(f"not shown: {name}" for name in unknown))
-        return tuple(f"{check.name}: {check.said}" for check in self.checks if not check.passes)
+        return tuple(
+            f"{check.name}: {check.said}. {check.remedy}".rstrip()
+            for check in self.checks
+            if not check.passes
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the contents of `gate.json`; no number is infinite or NaN."""
@@ -95,19 +103,20 @@ def none_of(failed: Sequence[Any], good: str, bad: str, unit: str, **evidence: A
     return Check(said=said, figure=count, bar=0.0, relation="equal", unit=unit, holds=not failed, **evidence)
 
 
-def not_shown(why: str) -> Check:
+def not_shown(why: str, remedy: str) -> Check:
     """Return the result of a check that could show nothing, and that a go does not need."""
-    return Check(said=why, required=False)
+    return Check(said=why, required=False, remedy=remedy)
 
 
 class CheckSpec(NamedTuple):
-    """Declaration of one check: its name, part of the argument, and share of the gate's time.
+    """Declaration of one check: its name, part of the argument, remedy and share of the gate's time.
 
     A go claims the first line of the function's docstring.
     """
 
     name: str
     part: str
+    remedy: str
     cost: float
     run: "MakeCheck"
 
@@ -120,15 +129,17 @@ class CheckSpec(NamedTuple):
 DECLARED: list[CheckSpec] = []
 
 
-def declare(name: str, part: str, cost: float = 1.0) -> "Callable[[MakeCheck], MakeCheck]":
-    """Declare a function as a check."""
+def declare(name: str, part: str, remedy: str, cost: float = 1.0) -> "Callable[[MakeCheck], MakeCheck]":
+    """Declare a function as a check; the remedy is stated where it does not hold."""
 
     def declared(make: "MakeCheck") -> "MakeCheck":
         @functools.wraps(make)
         def run(material: "GateMaterial") -> Check:
-            return make(material).model_copy(update={"name": name})
+            check = make(material)
+            stated = "" if check.holds else check.remedy or remedy
+            return check.model_copy(update={"name": name, "remedy": stated})
 
-        DECLARED.append(CheckSpec(name, part, cost, run))
+        DECLARED.append(CheckSpec(name, part, remedy, cost, run))
         return run
 
     return declared

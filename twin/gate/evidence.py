@@ -148,30 +148,28 @@ class GateMaterial:
     @functools.cached_property
     def held_out(self) -> list[PairedTrial]:
         """Trials on twins of the preset that no training has seen."""
-        return self._compared(*self._held_out_cases)
+        return self._compared(*self._cases(self.ranges, _HELD_OUT))
 
     @functools.cached_property
     def wider(self) -> list[PairedTrial]:
         """Trials on twins from wider ranges."""
         return self._compared(*self._cases(self.ranges.wider(WIDER), _WIDER))
 
-    def against(self, other: Estimator[Any]) -> list[PairedTrial]:
-        """Return the trials on held-out twins against another rival."""
-        cases, units, _ = self._held_out_cases
-        others = run_trials(other, None, cases, units, 0, self.part(0.5, 1.0))
-        return [trial._replace(rival=of.squares) for trial, of in zip(self.held_out, others, strict=True)]
+    def calibrated(self, rival: Estimator[Any]) -> list[PairedTrial]:
+        """Return the trials on held-out twins against a rival, where the zero of the sensor is known."""
+        cases, units, left_out = self._cases(self.ranges, _HELD_OUT, 0.0)
+        return run_trials(self.estimator, rival, cases, units, left_out, self.part(0.1, 1.0))
 
-    @functools.cached_property
-    def _held_out_cases(self) -> tuple[list[Case], list[Any], int]:
-        return self._cases(self.ranges, _HELD_OUT)
-
-    def _cases(self, ranges: Ranges, purpose: int) -> tuple[list[Case], list[Any], int]:
+    def _cases(
+        self, ranges: Ranges, purpose: int, zero_deviation_deg: float | None = None
+    ) -> tuple[list[Case], list[Any], int]:
         rng, size = self.random(purpose), self.size
+        deviation = self.sensor.zero_deviation_deg if zero_deviation_deg is None else zero_deviation_deg
         records, left_out = self.twins(ranges, rng, seconds=size.seconds, kinds=size.kinds, count=size.twins)
         self.on_progress(0.05)
         units = [record.stroke_mm for record in records for _ in range(size.twins)]
         return (
-            [noisy(records, noise, size.draws, self.sensor.zero_deviation_deg, rng) for noise in NOISES],
+            [noisy(records, noise, size.draws, deviation, rng) for noise in NOISES],
             units,
             left_out,
         )

@@ -16,7 +16,7 @@ from twin.files.bounded import read_limited
 from twin.files.run_folder import CONFIGURATION_FILE
 from twin.files.shown import cut
 from twin.files.yaml_text import read_yaml
-from twin.gate.check import IDENTITY, SAFETY, Check, declare, none_of, not_shown
+from twin.gate.check import IDENTITY, NOTHING, SAFETY, Check, declare, none_of, not_shown
 from twin.gate.evidence import OTHER_STREAMS, GateMaterial, Stroke
 from twin.preset.preset import Preset
 from twin.signals.sensor import LARGEST_BEND_DEG
@@ -30,16 +30,18 @@ REPLAYED_DEG = 1e-5
 REACH = "step.reach"  # constant of a step's graph that bounds the output of its policy, in logarithms
 LARGEST_ESTIMATE_DEG = 10 * LARGEST_BEND_DEG
 """Magnitude that no estimate exceeds, whatever comes; the live path refuses larger ones [deg]."""
+DAMAGED = "Do not deploy this file; train again with this version."
+WITH_FOLDER = "Judge the file in its run folder."
 _STREAM = OTHER_STREAMS
 _STEPS = 100  # samples of a hostile stream
 
 
-@declare("made for this endoscope", IDENTITY)
+@declare("made for this endoscope", IDENTITY, "Train for this preset, or give the preset of the training.")
 def made_for_endoscope(material: GateMaterial) -> Check:
     """The policy was trained for this endoscope."""
     trained = material.file.description.get("preset")
     if not isinstance(trained, Mapping):
-        return not_shown("the file does not contain the endoscope that it was trained for")
+        return not_shown("the file does not contain the endoscope that it was trained for", NOTHING)
     rows = differing_parameters(trained, material.file.description.get("ranges"), material.preset)
     name, here = cut(str(trained.get("name", "")), 40), material.preset.name
     first = ", ".join(row["parameter"] for row in rows[:3]) + (" ..." if len(rows) > 3 else "")
@@ -74,18 +76,18 @@ def differing_parameters(trained: Mapping[str, Any], ranges: Any, preset: Preset
     return rows
 
 
-@declare("file and run folder agree", IDENTITY)
+@declare("file and run folder agree", IDENTITY, "Take the file and its folder from the same training run.")
 def configured(material: GateMaterial) -> Check:
     """The file is of the run of its folder."""
     path = material.path.parent / CONFIGURATION_FILE
     if not path.is_file():
-        return not_shown(f"there is no {CONFIGURATION_FILE} next to the file")
+        return not_shown(f"there is no {CONFIGURATION_FILE} next to the file", WITH_FOLDER)
     try:
         values = read_yaml(path)
     except ValueError as error:
         return Check(said=cut(str(error), 150), bar=0.0, relation="equal", unit="entries", holds=False)
     if not isinstance(values, Mapping) or not values:
-        return not_shown(f"{CONFIGURATION_FILE} next to the file has no configuration")
+        return not_shown(f"{CONFIGURATION_FILE} next to the file has no configuration", WITH_FOLDER)
     in_file = material.file.description
     rows = [
         {"entry": name, "file": "differs" if name in in_file else "is missing"}
@@ -101,11 +103,13 @@ def configured(material: GateMaterial) -> Check:
     )
 
 
-@declare("graph as it was trained", IDENTITY)
+@declare("graph as it was trained", IDENTITY, "Copy the file again from its run folder, or train again.")
 def faithful(material: GateMaterial) -> Check:
     """The graph is the network that was trained."""
     if REFERENCE not in material.file.description:
-        return not_shown("the file has no reference steps: an earlier version wrote it")
+        return not_shown(
+            "the file has no reference steps: an earlier version wrote it", "Train again with this version."
+        )
     try:
         differences = replay(material.file)
     except InputError as error:
@@ -127,17 +131,19 @@ def faithful(material: GateMaterial) -> Check:
     )
 
 
-@declare("bounds for all inputs", SAFETY)
+@declare("bounds for all inputs", SAFETY, DAMAGED)
 def proven_bounds(material: GateMaterial) -> Check:
     """Gains and actions are within their bounds for every input."""
     try:
         import onnx
     except ModuleNotFoundError:
-        return not_shown("the package onnx is not installed (extra rl): the graph cannot be read")
+        return not_shown(
+            "the package onnx is not installed: the graph cannot be read", "pip install 'endotwin[rl]'"
+        )
     graph = onnx.load_model_from_string(read_limited(material.path, LARGEST)).graph
     rows = bounds_by_construction(graph)
     if not rows:
-        return not_shown("no operator of the graph bounds what a policy may do")
+        return not_shown("no operator of the graph bounds what a policy may do", NOTHING)
     unbounded = [row for row in rows if not row["bounded"]]
     what = ", ".join(dict.fromkeys(f"{row['what']} [{row['from']:g}, {row['to']:g}]" for row in rows))
     return none_of(
@@ -193,7 +199,7 @@ def _bound(what: str, low: float, high: float, *, bounded: bool = True) -> dict[
     return {"what": what, "from": low, "to": high, "bounded": bounded}
 
 
-@declare("bounds under hostile inputs", SAFETY, 8)
+@declare("bounds under hostile inputs", SAFETY, DAMAGED, 8)
 def tried_bounds(material: GateMaterial) -> Check:
     """Hostile inputs lead to no wild output.
 

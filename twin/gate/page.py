@@ -132,12 +132,13 @@ def _table(checks: Sequence[tuple[CheckSpec, Check]]) -> Markup:
             spec.claim,
             Cell(check.word, (), {True: "mark yes", False: "mark no", None: "mark open"}[check.holds]),
             Cell(check.said, check.notes),
+            check.remedy or "-",
             _shown(check.figure),
             "-" if check.bar is None else f"{check.relation} {_shown(check.bar)} {check.unit}".strip(),
         )
         for spec, check in checks
     ]
-    return table(("claim", "result", "evidence", "figure", "bar"), rows, cards=True)
+    return table(("claim", "result", "evidence", "what to do", "figure", "bar"), rows, cards=True)
 
 
 def _rows(checks: Sequence[tuple[CheckSpec, Check]]) -> list[Markup]:
@@ -166,7 +167,10 @@ def _figures(part: str, checks: Sequence[Check]) -> list[Markup]:
     found = []
     for check in with_rows:
         if "inside" in check.rows[0]:
-            caption = "Coverage of the truth by the stated 95 % interval. Red: the bar. Dashed: as stated."
+            caption = (
+                "Coverage of the truth by the stated 95 % interval. Lines: 95 % intervals of the coverage. "
+                "Red: the bar. Dashed: as stated."
+            )
             found.append(figure(coverage_figure(check), caption))
         if "fallback_deg" in check.rows[0]:
             caption = "Errors during a fault and shortly after, and the trusted filter's on the same stream."
@@ -214,6 +218,8 @@ def coverage_figure(check: Check) -> Figure:
         places = [noises.index(row["what"]) + 0.16 * (number - 1) for row in rows]
         face = "white" if number == 1 else GOOD
         shares = [100 * row["inside"] for row in rows]
+        low, high = ([100 * row[end] for row in rows] for end in ("low", "high"))
+        axes.vlines(places, low, high, color=GOOD, linewidth=1)
         axes.plot(places, shares, _MARKS[number % 3], label=name, color=GOOD, markerfacecolor=face)
     axes.axhline(95, color=LINE, linewidth=1, linestyle=(0, (4, 2)))
     axes.axhline(bar, color=BAD, linewidth=1)

@@ -42,7 +42,8 @@ def run_gate(material: GateMaterial, on_progress: OnProgress | None = None) -> G
         try:
             checks.append(spec.run(material))
         except (DivergedError, InputError) as error:
-            checks.append(Check(said=f"it could not be completed: {cut(error)}", holds=False, name=spec.name))
+            said = f"it could not be completed: {cut(error)}"
+            checks.append(Check(said=said, holds=False, name=spec.name, remedy=spec.remedy))
         before += spec.cost
     if on_progress:
         on_progress(THOUSANDTHS, THOUSANDTHS, "")

@@ -9,14 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import DivergedError
 from twin.estimation.estimator import Sensor
 from twin.gate.check import SAFETY, Check, declare, none_of
-from twin.gate.evidence import OTHER_STREAMS, RIVAL, GateMaterial
+from twin.gate.evidence import OTHER_STREAMS, RIVAL, SPARE, GateMaterial, draw_commands
 from twin.live import Alarm, AssuredEstimator, load_runtime, prepare_runtime
 from twin.live.assured import REST
 from twin.live.online import OnlineEstimator
 from twin.live.reading import WRONG_SENSOR, flag_names
 from twin.preset.sensor import SensorModel
+from twin.reduced import simulate_batch
 
 Array = NDArray[np.float64]
 Sample = tuple[float, float, float]  # time [s], pull [mm] and measurement [deg]
@@ -27,9 +29,15 @@ LATENCY_SHARE = 0.1  # share of the sample time that one sample may take
 PERCENTILE = 99
 SPIKE_DEG, SHIFT_DEG, WRONG_PULL_MM, CLOCK_S = 60.0, 8.0, 5.0, 3600.0
 _FAULTS, _LATENCY = OTHER_STREAMS + 3, OTHER_STREAMS + 4
-_BEFORE_S, _LONG_BEFORE_S, _AFTER_S = 15.0, 45.0, 3.0  # of good samples; the second before faults of a sensor
+_BEFORE_S, _LONG_BEFORE_S, _AFTER_S = (
+    15.0,
+    45.0,
+    3.0,
+)  # of good samples; the second before faults that are slow
 WRONG_BY_DEG = 12.0  # measurements of a wrong sensor, where it must be recognised
-GAIN, DRIFT_DEG_S, ALTERNATING_DEG = 0.8, 1.0, 0.1
+GAIN, DRIFT_DEG_S, ALTERNATING_DEG, ZERO_DEG = 0.8, 1.0, 0.1, 15.0
+KNOCK, KNOCK_S = np.radians(45.0), 0.5  # by which the sheath is bent on, and for how long
+LOST, LOST_S = 0.9, 16.0  # share of the pretension that is lost, and for how long
 _FLAGGED_WITHIN_S = 1.0  # after a fault: a gap is known when it ends
 _TWINS = 3
 _BUSY = 1.5  # times its processor time: a longer wait is for other work
@@ -46,6 +54,7 @@ class Fault(NamedTuple):
     # a sensor that is a few degrees off cannot be recognised
     must_flag: bool = True
     of_sensor: bool = False  # recognised by the motion that the command must cause, after a minute of it
+    of_endoscope: str = ""  # which change of the endoscope it is, see `_bends`; the sensor is right
 
 
 def _spikes(good: Sequence[Sample], before: Sequence[Sample]) -> Iterator[Sample]:
@@ -103,6 +112,11 @@ FAULTS = (
         of_sensor=True,
     ),
     Fault("sensor that alternates", 10.0, _alternating, of_sensor=True),
+    Fault(
+        f"zero off by {ZERO_DEG:g} deg", 8.0, _mapped(lambda measured, _: measured + ZERO_DEG), of_sensor=True
+    ),
+    Fault("knock on the sheath", 8.0, lambda good, _: iter(good), must_flag=False, of_endoscope="knock"),
+    Fault("loss of pretension", LOST_S, lambda good, _: iter(good), must_flag=False, of_endoscope="slack"),
 )
 """Kinds of fault, each planted by itself."""
 
@@ -115,7 +129,7 @@ def _variance(material: GateMaterial) -> float:
 _CALIBRATED = SensorModel(zero_deviation_deg=0.0)  # of simulated streams, as the rival takes it
 
 
-@declare("a number under faults", SAFETY, 12)
+@declare("a number under faults", SAFETY, "Do not deploy this file; report the fault with gate.json.", 14)
 def no_nan(material: GateMaterial) -> Check:
     """No fault of a stream makes an estimate that is not a number."""
     rows = _fault_rows(material)
@@ -128,7 +142,11 @@ def no_nan(material: GateMaterial) -> Check:
     )
 
 
-@declare("planted faults are flagged", SAFETY)
+@declare(
+    "planted faults are flagged",
+    SAFETY,
+    "Calibrate the preset, whose twins check the sensor, or watch for these faults by other means.",
+)
 def flagged(material: GateMaterial) -> Check:
     """A fault of a stream is noticed."""
     rows = _fault_rows(material)
@@ -139,16 +157,16 @@ def flagged(material: GateMaterial) -> Check:
         f"each of {sum(row['must_flag'] for row in rows)} kinds of planted fault is flagged",
         f"not flagged: {', '.join(missed)}",
         "kinds of fault missed",
-        rows=tuple({name: row[name] for name in ("fault", "flagged", "said")} for row in rows),
+        rows=tuple({name: row[name] for name in ("fault", "flagged", "after_s", "said")} for row in rows),
         notes=(
             f"Of good samples before the faults {false:.1%} are flagged.",
-            "A sensor that is some degrees off cannot be recognised: it need not be flagged.",
+            "A sensor that is some degrees off, and a change of the endoscope, need not be flagged.",
             f"A sensor that is wrong by {WRONG_BY_DEG:g} deg must be, by the twins that check it.",
         ),
     )
 
 
-@declare("error under faults", SAFETY)
+@declare("error under faults", SAFETY, "Prevent these faults, or deploy the tuned filter alone.")
 def errors(material: GateMaterial) -> Check:
     """A fault costs no more than it would cost the trusted filter."""
     rows = _fault_rows(material)
@@ -180,12 +198,12 @@ def _fault_rows(material: GateMaterial) -> list[dict[str, Any]]:
     rng, T, variance = material.random(_FAULTS), material.sample_time, _variance(material)
     allowed_deg = ALLOWED_DEVIATIONS * math.sqrt(variance)
     longest = _LONG_BEFORE_S + max(fault.seconds for fault in FAULTS) + _AFTER_S
-    records, _ = material.twins(material.ranges, rng, seconds=longest + 2 * T)
+    pulls, _ = draw_commands(material.stroke_mm, longest + 2 * T, T, 1, rng)
     streams = []
-    for record in records:
-        bend = record.truth_deg[0]
-        measured = bend + math.sqrt(variance) * rng.standard_normal(len(bend))
-        streams.append((record.pull_mm[0], bend, measured, float(bend[0] + rng.uniform(-10, 10))))
+    for pull in pulls[:_TWINS]:
+        bends = _bends(material, pull, rng)
+        noise = math.sqrt(variance) * rng.standard_normal(len(pull))
+        streams.append((pull * 1e3, bends, noise, float(bends[""][0] + rng.uniform(-10, 10))))
     begun = prepare_runtime(
         material.file,
         sample_time=T,
@@ -196,7 +214,8 @@ def _fault_rows(material: GateMaterial) -> list[dict[str, Any]]:
     )
     rows = []
     for number, fault in enumerate(FAULTS):
-        found = [_run(material, begun, fault, *stream) for stream in streams[:_TWINS]]
+        found = [_run(material, begun, fault, *stream) for stream in streams]
+        latest = max(of["after_s"] for of in found)
         mine, alone = (float(np.sqrt(np.mean([of[name] for of in found]))) for name in ("square", "fallback"))
         rows.append(
             {
@@ -204,6 +223,7 @@ def _fault_rows(material: GateMaterial) -> list[dict[str, Any]]:
                 "must_flag": fault.must_flag,
                 "finite": all(of["finite"] for of in found),
                 "flagged": float(np.mean([of["flagged"] for of in found])),
+                "after_s": None if math.isinf(latest) else latest,
                 "flagged_before": float(np.mean([of["flagged_before"] for of in found])),
                 "said": ", ".join(sorted({word for of in found for word in of["said"]})).lower(),
                 "rmse_deg": mine,
@@ -215,18 +235,39 @@ def _fault_rows(material: GateMaterial) -> list[dict[str, Any]]:
     return rows
 
 
+def _bends(material: GateMaterial, pull: Array, rng: np.random.Generator) -> dict[str, Array]:
+    """Return the angle of one twin along a command [m], and how it would be after changes of it [deg].
+
+    Its sheath is bent on by a knock, or its wires lose pretension: its angle passes to that of an endoscope
+    of less pretension.
+    """
+    T = material.sample_time
+    since = np.arange(len(pull)) * T - _LONG_BEFORE_S
+    for _ in range(1 + SPARE):
+        preset = material.ranges.draw(material.preset, rng)
+        knocked = preset.sheath_bend + KNOCK * np.clip(since / KNOCK_S, 0, 1)
+        slack = preset.replace(pretension=(1 - LOST) * preset.pretension)
+        found = simulate_batch([preset, preset, slack], [pull] * 3, T, sheath_bends=[None, knocked, None])
+        plain, after_knock, without = (None if of is None else of.truth_deg for of in found)
+        if plain is not None and after_knock is not None and without is not None:
+            passed = np.clip(since / LOST_S, 0, 1)
+            return {"": plain, "knock": after_knock, "slack": plain + passed * (without - plain)}
+    raise DivergedError("twins for the faults of the gate found no equilibrium")
+
+
 def _run(
     material: GateMaterial,
     begun: Callable[[float], AssuredEstimator],
     fault: Fault,
     pull: Array,
-    bend: Array,
-    measured: Array,
+    bends: dict[str, Array],
+    noise: Array,
     initial: float,
 ) -> dict[str, Any]:
-    T = material.sample_time
+    T, bend = material.sample_time, bends[fault.of_endoscope]
+    measured = bend + noise
     good: list[Sample] = [(k * T, float(pull[k]), float(measured[k])) for k in range(len(pull))]
-    begin = round((_LONG_BEFORE_S if fault.of_sensor else _BEFORE_S) / T)
+    begin = round((_LONG_BEFORE_S if fault.of_sensor or fault.of_endoscope else _BEFORE_S) / T)
     end = begin + max(round(fault.seconds / T), 2)
     last = min(end + round(_AFTER_S / T), len(good))
     runtime = begun(initial)
@@ -239,7 +280,7 @@ def _run(
         (abs(sample[2] - truth) for sample, truth in zip(planted, bend[begin:], strict=False)), default=0
     )
     raised = Alarm.NONE
-    finite, words, before = True, set[str](), 0
+    finite, words, before, first = True, set[str](), 0, math.inf
     for number, sample in enumerate([*good[:begin], *planted, *good[end:last]]):
         reading, other = runtime.push(*sample), alone.push(*sample)
         finite &= all(math.isfinite(of) for of in (reading.bend_deg, reading.low_deg, reading.high_deg))
@@ -250,6 +291,8 @@ def _run(
         if number < watched:
             words |= flags
             raised |= reading.alarms & WRONG_SENSOR
+            if raised if fault.of_sensor else flags:
+                first = min(first, (number - begin) * T)
         # The truth now: a sample that comes late is compared with the truth when it comes.
         truth = float(bend[min(number if number < back else end + number - back, last - 1)])
         squares.append((reading.bend_deg - truth) ** 2)
@@ -257,6 +300,7 @@ def _run(
     return {
         "finite": finite,
         "flagged": bool(raised) or wrong_deg < WRONG_BY_DEG if fault.of_sensor else bool(words),
+        "after_s": first,
         "flagged_before": before / max(begin, 1),
         "said": words,
         "square": float(np.nan_to_num(np.mean(squares), nan=1e8)),
@@ -264,7 +308,7 @@ def _run(
     }
 
 
-@declare("latency of one sample", SAFETY, 3)
+@declare("latency of one sample", SAFETY, "Use a longer sample time, or a faster machine.", 3)
 def latency(material: GateMaterial) -> Check:
     """An estimate is there long before the next sample."""
     rng, T, variance = material.random(_LATENCY), material.sample_time, _variance(material)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Record, without_holes
-from twin.gate.check import TWIN, Check, declare, not_shown
+from twin.gate.check import GIVE_LOGS, TWIN, Check, declare, not_shown
 from twin.gate.evidence import OTHER_STREAMS, GateMaterial
 from twin.hysteresis.width import without_hysteresis
 from twin.identification.models import identify_coleman_hodgdon
@@ -34,7 +34,7 @@ def _predictions(material: GateMaterial) -> list[tuple[Array | None, float | Non
     return [_predicted(log, sheath_bend, material) for log, sheath_bend in logs]
 
 
-@declare("the zero of the sensor", TWIN)
+@declare("the zero of the sensor", TWIN, GIVE_LOGS)
 def zero_of_logs(material: GateMaterial) -> Check:
     """Logs and twin agree about where the section is straight."""
     pairs = [
@@ -50,12 +50,11 @@ def zero_of_logs(material: GateMaterial) -> Check:
     zero = sensor.zero_deg + float(np.mean(offsets)) * sensor.scale
     said = f"the zero of the logs is within {abs(worst):.2f} deg of the stated one, {sensor.zero_deg:.2f} deg"
     if abs(worst) > bar:
-        said = (
-            f"the angle of a log is {worst:+.2f} deg off the twin's, by the stated zero of "
-            f"{sensor.zero_deg:.2f} deg: state the sensor's (--sensor-zero-deg {zero:.2f}), or calibrate"
-        )
+        stated = f"by the stated zero of {sensor.zero_deg:.2f} deg"
+        said = f"the angle of a log is {worst:+.2f} deg off the twin's, {stated}"
     return Check(
         said=said,
+        remedy=f"State the sensor's zero (--sensor-zero-deg {zero:.2f}), or calibrate again.",
         figure=abs(worst),
         bar=bar,
         unit="deg",
@@ -66,11 +65,17 @@ def zero_of_logs(material: GateMaterial) -> Check:
     )
 
 
-@declare("the twin reproduces the logs", TWIN, 2)
+@declare(
+    "the twin reproduces the logs",
+    TWIN,
+    "Calibrate the preset on these logs, and train again on it: evidence on its twins says little about this "
+    "endoscope.",
+    2,
+)
 def twin_of_logs(material: GateMaterial) -> Check:
     """The preset's twin reproduces this endoscope."""
     if not material.logs:
-        return not_shown("no log was given: whether the twin is like the endoscope is not known")
+        return not_shown("no log was given: whether the twin is like the endoscope is not known", GIVE_LOGS)
     errors, curves = [], []
     rows: list[dict[str, Any]] = []
     for log, (predicted, bend) in zip(material.logs, _predictions(material), strict=True):
@@ -106,8 +111,6 @@ def twin_of_logs(material: GateMaterial) -> Check:
         else f"{LEAST_SHARE:.0%} of their range are {bar:.2f} deg"
     )
     said = f"driven by the commands alone the twin is {found:.2f} deg off the logs; {compared}"
-    if not holds:
-        said += ": calibrate the preset first, evidence on its twins says little about this endoscope"
     notes = ["The twin sees no measurement. Measured logs are smoothed, their mean difference is subtracted."]
     notes += without_hysteresis((log.name, log.pull_mm, log.reference_deg) for log in material.logs)
     if any(row["sheath_bend_deg"] is not None for row in rows):

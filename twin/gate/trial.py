@@ -39,7 +39,7 @@ class Paired(NamedTuple):
 
 def compare_paired(squares: Array, rival: Array, rng: np.random.Generator) -> Paired:
     """Compare two estimators by their (units, draws) mean square errors [deg^2] on the same runs."""
-    first, second = _resampled(squares, rival, rng)
+    first, second = np.sqrt(_resampled_means(rng, squares, rival))
     low, high = np.percentile(first - second, [LOW, HIGH])
     mine, other = (float(np.sqrt(of.mean())) for of in (squares, rival))
     return Paired(mine, other, mine - other, float(low), float(high))
@@ -47,19 +47,25 @@ def compare_paired(squares: Array, rival: Array, rng: np.random.Generator) -> Pa
 
 def reduction_interval(squares: Array, rival: Array, rng: np.random.Generator) -> tuple[float, float]:
     """Return the 95 % interval of how much smaller the first's error is, as a share of the second's."""
-    first, second = _resampled(squares, rival, rng)
+    first, second = np.sqrt(_resampled_means(rng, squares, rival))
     low, high = np.percentile(1 - first / np.maximum(second, 1e-9), [LOW, HIGH])
     return float(low), float(high)
 
 
-def _resampled(squares: Array, rival: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    if squares.shape != rival.shape or squares.ndim != 2 or not squares.size:
-        raise ValueError(f"runs of shapes {squares.shape} and {rival.shape}: must be the same, and not empty")
-    units, draws = squares.shape
+def mean_interval(values: Array, rng: np.random.Generator) -> tuple[float, float]:
+    """Return the 95 % interval of the mean of (units, draws) values."""
+    low, high = np.percentile(_resampled_means(rng, values)[0], [LOW, HIGH])
+    return float(low), float(high)
+
+
+def _resampled_means(rng: np.random.Generator, *values: Array) -> Array:
+    """Return (K, resamples) means of K arrays (units, draws), all resampled alike."""
+    units, draws = values[0].shape
+    if any(of.shape != (units, draws) for of in values) or not values[0].size:
+        raise ValueError(f"runs of shapes {[of.shape for of in values]}: must be the same, and not empty")
     unit = rng.integers(units, size=(RESAMPLES, units, 1))
     draw = rng.integers(draws, size=(RESAMPLES, units, draws))
-    first, second = (np.sqrt(of[unit, draw].mean(axis=(1, 2))) for of in (squares, rival))
-    return first, second
+    return np.array([of[unit, draw].mean(axis=(1, 2)) for of in values])
 
 
 class PairedTrial(NamedTuple):
