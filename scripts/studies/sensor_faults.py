@@ -6,6 +6,7 @@ wrong for 20, then right again.
 
 import dataclasses
 import sys
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from scripts.command import Options, Summary, run_verb
 from scripts.progress import Progress
 from twin.files.bounds import check_between
-from twin.gate.stream import FAULTS, Fault
+from twin.gate.stream import FAULTS, Fault, Plant, Sample
 from twin.live import AssuredEstimator, prepare_runtime
 from twin.live.reading import WRONG_SENSOR, Reading
 from twin.preset import load_preset, load_ranges
@@ -31,6 +32,26 @@ MOTION_MM, WITHIN_S = 2.0, 3.0  # an alarm is in time so long after so much moti
 MATTERS_DEG = 6.0  # error of measurements from which a fault matters
 BACK_S = 5.0  # after the fault, until errors count again
 NONE = Fault("none", WRONG_S, lambda good, _: iter(good))
+FROZEN_DEVIATION_DEG, CREEP_DEG = 0.3, 1e-9  # noise of a sensor that is frozen, and its step per sample
+
+
+def _frozen(at_deg: float | None, deviation_deg: float, step_deg: float) -> Plant:
+    """Return a fault that stays at an angle [deg], that of the last sample if not given."""
+
+    def plant(good: Sequence[Sample], before: Sequence[Sample]) -> Iterator[Sample]:
+        rng, place = np.random.default_rng(len(good)), before[-1][2] if at_deg is None else at_deg
+        for number, (at, pull, _) in enumerate(good):
+            yield at, pull, place + deviation_deg * rng.standard_normal() + step_deg * number
+
+    return plant
+
+
+MORE = (
+    Fault("frozen, creeping", WRONG_S, _frozen(None, 0.0, CREEP_DEG)),
+    Fault("frozen, with noise", WRONG_S, _frozen(None, FROZEN_DEVIATION_DEG, 0.0)),
+    Fault("held near zero", WRONG_S, _frozen(0.0, FROZEN_DEVIATION_DEG, 0.0)),
+)
+"""Faults of a sensor beyond those that the gate plants."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,7 +96,7 @@ def sensor_faults(args: SensorFaults) -> Summary:
     begun = prepare_runtime(
         args.policy, sample_time=T, noise_variance=R, sensor=known, twins=(preset, ranges)
     )
-    faults = [NONE, *(fault for fault in FAULTS if fault.of_sensor)]
+    faults = [NONE, *(fault for fault in FAULTS if fault.of_sensor), *MORE]
     found: dict[str, list[Outcome]] = {fault.name: [] for fault in faults}
     progress, kinds = Progress("faults", "run"), list(SIGNALS)
     for number in range(args.endoscopes):

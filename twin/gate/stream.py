@@ -22,6 +22,8 @@ from twin.reduced import simulate_batch
 
 Array = NDArray[np.float64]
 Sample = tuple[float, float, float]  # time [s], pull [mm] and measurement [deg]
+Plant = Callable[[Sequence[Sample], Sequence[Sample]], Iterator[Sample]]
+"""Yields what comes in the place of good samples, given those before them."""
 VARIANCE = 0.25  # of a sensor whose noise is not known [deg^2]
 ALLOWED = 1.1  # times the error of the fallback alone that an error under faults may be
 ALLOWED_DEVIATIONS = 0.5  # of a single measurement: a difference that counts as none
@@ -49,8 +51,7 @@ class Fault(NamedTuple):
 
     name: str  # of it
     seconds: float  # that it lasts
-    # yields what comes in the place of good samples, given those before them
-    plant: Callable[[Sequence[Sample], Sequence[Sample]], Iterator[Sample]]
+    plant: Plant
     # a sensor that is a few degrees off cannot be recognised
     must_flag: bool = True
     of_sensor: bool = False  # recognised by the motion that the command must cause, after a minute of it
@@ -75,9 +76,7 @@ def _wrong_pull(good: Sequence[Sample], before: Sequence[Sample]) -> Iterator[Sa
         yield at, pull + (WRONG_PULL_MM if number % 2 else -WRONG_PULL_MM), measured
 
 
-def _mapped(
-    wrong: Callable[[float, float], float],
-) -> Callable[[Sequence[Sample], Sequence[Sample]], Iterator[Sample]]:
+def _mapped(wrong: Callable[[float, float], float]) -> Plant:
     """Return a fault that makes measurements of the right ones and the time since it began [s]."""
     return lambda good, _: ((at, pull, wrong(measured, at - good[0][0])) for at, pull, measured in good)
 
