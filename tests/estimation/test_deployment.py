@@ -1,6 +1,7 @@
 """Companions of a trained file: the fallback is tuned well, and the limits are those of the records."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from twin.estimation.deployment import Deployment, log_likelihoods, prepare_depl
 from twin.estimation.knowledge import TrainingTask, stack_records
 from twin.estimation.tuning import draw_training_episodes, innovation_log_likelihood, tune_active_model
 from twin.hysteresis import BoucWen
-from twin.identification.nominal import identify_steps
+from twin.identification.nominal import LEAST_PER_MM, identify_steps
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +86,12 @@ def test_steps_of_a_model_give_its_parameters_back():
     found = identify_steps([(pull, COLEMAN_HODGDON.response(pull, 60.0))])
     for name in ("a_per_mm", "b_deg_per_mm", "c_deg_per_mm"):
         np.testing.assert_allclose(getattr(found, name), getattr(COLEMAN_HODGDON, name), rtol=1e-9)
+
+
+def test_steps_that_bend_the_other_way_give_the_slowest_model():
+    pull, bend = 3 + np.sin(np.arange(500) * 0.07), [0.0]
+    for before, after in itertools.pairwise(pull):
+        bend.append(bend[-1] - 0.02 * abs(after - before) * (10 * after - bend[-1]) + 2 * (after - before))
+    found = identify_steps([(pull, np.array(bend))])
+    assert found.a_per_mm == pytest.approx(LEAST_PER_MM)
+    assert found.b_deg_per_mm > 0

@@ -9,7 +9,7 @@ from twin.estimation.active_model import ActiveModel
 from twin.estimation.deployment import Deployment
 from twin.estimation.learned.trained_file import TrainedFile
 from twin.live.assured import AssuredEstimator
-from twin.live.reading import WRONG_SENSOR, Alarm, RunCounts, Source, StreamSample
+from twin.live.reading import WRONG_SENSOR, Alarm, Health, RunCounts, Source, StreamSample
 from twin.live.twins import TWINS, draw_twins, twins_of
 from twin.preset import load_preset, load_ranges
 from twin.reduced import simulate_batch
@@ -77,6 +77,16 @@ def test_wrong_pulls_that_make_the_twins_start_again_are_no_fault_of_the_sensor(
     live, readings = run(twins, (seen, truth), measured)
     assert live.advanced.restarts > 0
     assert not any(of.alarms & WRONG_SENSOR for of in readings[BEGINS + 30 :])
+
+
+def test_a_pull_that_no_twin_can_go_to_is_never_followed(twins, endoscope):
+    pull, truth = endoscope
+    for farthest in (-150.0, 21.0):
+        seen = pull.copy()
+        seen[BEGINS : BEGINS + 50] = farthest
+        live, readings = run(twins, (seen, truth), truth)
+        assert all(of.health & Health.IMPLAUSIBLE_PULL for of in readings[BEGINS : BEGINS + 50])
+        assert abs(live.fallback.pull_mm - pull[-1]) < 1e-9
 
 
 def test_twins_leave_a_healthy_stream_as_it_is(twins, endoscope):

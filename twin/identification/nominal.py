@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
-from twin.errors import InputError
 from twin.hysteresis import ColemanHodgdon
 from twin.preset.preset import Preset
 from twin.signals.excitation import SIGNALS, command
@@ -13,6 +13,7 @@ from twin.signals.streams import SeedUse, random_stream
 from twin.simulation import simulate
 
 Array = NDArray[np.float64]
+LEAST_PER_MM = 0.01  # smallest a of the model: its memory is 100 mm of travel
 _SECONDS = 60.0
 
 
@@ -38,8 +39,8 @@ def identify_steps(records: Sequence[tuple[Array, Array]]) -> ColemanHodgdon:
     """Return the model of least square error of one-step predictions on `(pull_mm, truth_deg)` records.
 
     A step is linear in a, a b and c, so that no search is needed (the equation-error method; Ljung 1999). A
-    filter predicts by it. Noise on the angle would bias it. Raises `ValueError` where a or b would not be
-    positive.
+    filter predicts by it. Noise on the angle would bias it. Where the loops of an endoscope have another
+    curvature than the model's, a is `LEAST_PER_MM`.
     """
     rows, changes = [], []
     for pull, bend in records:
@@ -47,7 +48,6 @@ def identify_steps(records: Sequence[tuple[Array, Array]]) -> ColemanHodgdon:
         travel = np.abs(increment)
         rows.append(np.stack([-travel * bend[:-1], travel * pull[1:], increment], axis=1))
         changes.append(np.diff(bend))
-    (a, ab, c), *_ = np.linalg.lstsq(np.concatenate(rows), np.concatenate(changes), rcond=None)
-    if not (a > 0 and ab > 0):
-        raise InputError(f"steps of these records give a = {a:.3g}, a b = {ab:.3g}: both must be positive")
+    bounds = [LEAST_PER_MM, LEAST_PER_MM, -np.inf], np.inf  # of a, a b and c
+    a, ab, c = lsq_linear(np.concatenate(rows), np.concatenate(changes), bounds).x
     return ColemanHodgdon(float(a), float(ab / a), float(c))

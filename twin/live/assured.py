@@ -35,6 +35,8 @@ PLAIN = SensorModel()
 DISTRUST_SAMPLES = 3  # in a row with an alarm, after which the fallback is used
 TRUST_S = 5.0  # without an alarm, after which the trained estimator is used again
 BLEND_S = 0.5  # from one to the other
+FARTHEST, FARTHEST_MM = 4.0, 20.0
+"""Times the farthest pull of the training, or millimetres, that a pull may be where twins follow it."""
 AGREEMENT_S = 1.5  # time for which refused measurements must agree where twins check the sensor
 DISTRUSTED = Alarm.INNOVATION | Alarm.DISAGREEMENT | Alarm.RANGE | Alarm.RATE
 DISTRUSTED |= Alarm.COMMAND | Alarm.INTERVAL | Alarm.LOST
@@ -95,8 +97,14 @@ class AssuredEstimator:
         """Prepare a stream that starts at an estimate [deg]."""
         self.method, self.sample_time = method, fallback.sample_time
         limits = limits or StreamLimits()
-        if advanced.has_physics or twins:  # they are to tell, before both start again at what agrees
-            limits = dataclasses.replace(limits, agreement_s=max(limits.agreement_s, AGREEMENT_S))
+        if advanced.has_physics or twins:
+            # Twins judge measurements before both restart where these agree; a far pull takes them seconds.
+            farthest_mm = max(FARTHEST * max(abs(of) for of in deployment.pull_mm), FARTHEST_MM)
+            limits = dataclasses.replace(
+                limits,
+                agreement_s=max(limits.agreement_s, AGREEMENT_S),
+                pull_mm=min(limits.pull_mm, farthest_mm),
+            )
         self.advanced = OnlineEstimator(advanced, self.sample_time, initial_bend_deg, limits)
         self.fallback = OnlineEstimator(fallback, self.sample_time, initial_bend_deg, limits)
         self.noise_variance = float(np.asarray(fallback.measurement_variance))

@@ -19,8 +19,8 @@ class Health(enum.Flag):
     CLOCK_JUMP = enum.auto()  # it is farther ahead than the longest pause: the sample is ignored
     CLOCK_RESET = enum.auto()  # the stream goes on by another clock, on which samples have agreed
     GAP = enum.auto()  # samples are missing before this one; predictions took their place
-    NO_PULL = enum.auto()  # the pull is not finite: the last one is held
-    IMPLAUSIBLE_PULL = enum.auto()  # it is beyond its limit, or too far from the last one, which is held
+    NO_PULL = enum.auto()  # the pull is not finite: it goes on at its recent speed
+    IMPLAUSIBLE_PULL = enum.auto()  # it is beyond its limit, or too far from the last one: as without a pull
     NO_MEASUREMENT = enum.auto()  # the measurement is not finite: it is missing
     IMPLAUSIBLE_MEASUREMENT = enum.auto()  # it is beyond its limit: it counts as missing
     OUTLIER = enum.auto()  # it is too far from the last estimate: it counts as missing

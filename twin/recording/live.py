@@ -6,7 +6,7 @@ angles that are missing or absurd. The recording has the form of a measured log,
 | in the stream | in the recording |
 |---|---|
 | a sample that the estimator took in | a message on each of the four topics, at one time |
-| its pull is missing or implausible | `/command` holds the last one, as the estimator does |
+| its pull is missing or implausible | `/command` holds the last one |
 | its angle is missing or implausible | no message on `/measurement` |
 | an angle was wanted at it, by the sample before or an earlier one | a message on `/reference` |
 | it is ignored: its time stamp is late, of another clock or none; or no pull has come yet | `/health` alone |
