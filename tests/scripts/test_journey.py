@@ -26,7 +26,7 @@ ENDOTWIN = Path(sys.executable).parent
 def device_commands():
     text = Path(__file__).parents[2].joinpath("README.md").read_text()
     first = text[: text.index("## On a device")].count("\n")
-    last = text[: text.index("### In closed loop")].count("\n")
+    last = text[: text.index("## Make figures")].count("\n")
     return [of.text for of in snippets("README.md") if first < of.line <= last]
 
 
