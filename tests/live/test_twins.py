@@ -79,6 +79,22 @@ def test_wrong_pulls_that_make_the_twins_start_again_are_no_fault_of_the_sensor(
     assert not any(of.alarms & WRONG_SENSOR for of in readings[BEGINS + 30 :])
 
 
+def test_a_zero_that_has_moved_is_accepted_and_the_interval_includes_both(twins, endoscope):
+    truth = endoscope[1]
+    measured = truth + np.sqrt(R) * np.random.default_rng(3).standard_normal(len(truth))
+    measured[300:550] += 15.0
+    _, readings = run(twins, endoscope, measured)
+    offset = np.array([bool(of.alarms & Alarm.OFFSET) for of in readings])
+    by_twins = np.array([of.source is Source.TWINS for of in readings])
+    accepted = 300 + np.flatnonzero(~by_twins[310:550])[0] + 10
+    assert accepted < 480
+    assert offset[accepted:545].all()
+    inside = [of.low_deg <= angle <= of.high_deg for of, angle in zip(readings, truth, strict=True)]
+    assert np.mean(inside[accepted:545]) > 0.95
+    assert not offset[:300].any()
+    assert not offset[-20:].any()  # it has moved back
+
+
 def test_a_pull_that_no_twin_can_go_to_is_never_followed(twins, endoscope):
     pull, truth = endoscope
     for farthest in (-150.0, 21.0):

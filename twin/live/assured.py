@@ -37,6 +37,7 @@ TRUST_S = 5.0  # without an alarm, after which the trained estimator is used aga
 BLEND_S = 0.5  # from one to the other
 FARTHEST, FARTHEST_MM = 4.0, 20.0
 """Times the farthest pull of the training, or millimetres, that a pull may be where twins follow it."""
+SMALL_OFFSET_DEG = 3.0  # of a zero that has moved back
 AGREEMENT_S = 1.5  # time for which refused measurements must agree where twins check the sensor
 DISTRUSTED = Alarm.INNOVATION | Alarm.DISAGREEMENT | Alarm.RANGE | Alarm.RATE
 DISTRUSTED |= Alarm.COMMAND | Alarm.INTERVAL | Alarm.LOST
@@ -127,6 +128,7 @@ class AssuredEstimator:
             self._twins = OnlineEstimator(twins, self.sample_time, 0.0, limits)
         self._check: SensorCheck | None = None  # from the first sample on, where there are twins
         self._moved_mm, self._twins_restarts = 0.0, 0
+        self._moved_zero_deg = 0.0  # of a sensor that is used again although it departs from the twins
         self._patience = max(round(TRUST_S / self.sample_time), 1)
         self._trusted = True
         self._bad = self._good = 0  # samples in a row
@@ -261,6 +263,9 @@ class AssuredEstimator:
             advanced.restart_from(check.kept[0], bend)
             fallback.restart_from(check.kept[1], bend)
             self._twins_restarts = twins.restarts
+            self._moved_zero_deg += check.moved_zero_deg
+            if abs(self._moved_zero_deg) < SMALL_OFFSET_DEG:
+                self._moved_zero_deg = 0.0
             self._monitor.clear()
             self._trusted, self._weight, self._good, self._bad = True, 1.0, 0, 0
         return check
@@ -303,6 +308,9 @@ class AssuredEstimator:
         if alarms & _OFFSET:
             offset = OFFSET_SHARE * self._offset.offset_deg
             low, high = low - max(offset, 0.0), high - min(offset, 0.0)
+        if self._moved_zero_deg and source is not Source.TWINS:
+            raised |= Alarm.OFFSET
+            low, high = low - max(self._moved_zero_deg, 0.0), high - min(self._moved_zero_deg, 0.0)
         if self._check is not None and self._check.doubted:
             twins_deg, half = self._check.prediction()
             low, high = min(low, twins_deg - half), max(high, twins_deg + half)

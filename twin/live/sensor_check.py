@@ -78,6 +78,7 @@ class SensorCheck:
         alarm: `Alarm` of the sensor as a number; 0 while it is believed.
         doubted: whether the interval has to include the prediction; not during an alarm.
         kept: what came with the sample from which the twins predict.
+        moved_zero_deg: how far the zero has moved where the last alarm ended so; 0 where the sensor agreed.
     """
 
     def __init__(
@@ -89,7 +90,7 @@ class SensorCheck:
         kept: Any = None,  # as of the samples, see `push`
     ):
         """Begin with nothing known but the noise of the sensor."""
-        self.alarm, self.doubted, self.kept = 0, False, kept
+        self.alarm, self.doubted, self.kept, self.moved_zero_deg = 0, False, kept, 0.0
         self._variance = noise_variance
         self._to_weights = (np.eye(members) - 1 / members) / math.sqrt(members - 1)
         size = members + 2
@@ -250,7 +251,7 @@ class SensorCheck:
             self._points.clear()
             self.kept = oldest.kept
             self._agrees_s = self._zero_moved_s = 0.0
-            self.alarm, self.doubted = Alarm.BIAS.value, False
+            self.alarm, self.doubted, self.moved_zero_deg = Alarm.BIAS.value, False, 0.0
             return
         usual = self._known.usual
         square = float(departures[len(old) // 2]) ** 2 * max(oldest.usual, 1.0)
@@ -277,7 +278,8 @@ class SensorCheck:
         if self._zero_moved_s >= MOVED_ZERO_S and self._shows_motion(self._zero_moved_s, MOVED_ZERO_DEG):
             _, predicted, reading = self._latest(self._zero_moved_s).T
             mean, covariance = known.mean.copy(), known.covariance.copy()
-            mean[-1] += float(np.median(reading - predicted))
+            self.moved_zero_deg = float(np.median(reading - predicted))
+            mean[-1] += self.moved_zero_deg
             covariance[-1, -1] += UNEXPLAINED_DEG**2
             self._believe(known._replace(mean=mean, covariance=covariance))
 
