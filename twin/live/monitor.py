@@ -141,4 +141,8 @@ class Monitor:
         )
         self.nis += learn * ((share if share < MOST else MOST) - self.nis)
         worse = self._square > WORSE * self._square_fallback + self._noise_share
-        return _INNOVATION if worse or abs(self._mean) > self._offset_deg else 0
+        if not worse and abs(self._mean) <= self._offset_deg:
+            return 0
+        # The fallback may hide in its mean that it follows a wrong model from afar.
+        total = self._square + self._mean * self._mean
+        return _INNOVATION if total >= self._square_fallback + self._mean_fallback**2 else 0
