@@ -113,6 +113,17 @@ def test_missing_pull_goes_on_at_its_speed_and_comes_to_rest():
     assert standing.pull_mm == 3.0
 
 
+def test_missing_pull_after_a_jump_stays_near_and_the_next_one_is_taken():
+    stream = begun()
+    stream.push(1.0, 12.0)  # after a gap
+    for k in range(11, 41):
+        stream.push(k * T, math.nan)
+        assert abs(stream.pull_mm - 12.0) < 7  # half a second's way at the fastest
+    stream.push(4.1, 12.0)
+    assert stream.health & Health.IMPLAUSIBLE_PULL == Health.GOOD
+    assert stream.pull_mm == 12.0
+
+
 @pytest.mark.parametrize("far", [1e300, -1e20, 720.1])
 def test_implausible_measurement_is_missing_and_flagged(far):
     stream, other = begun(), begun()

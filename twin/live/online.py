@@ -183,7 +183,8 @@ class OnlineEstimator(Generic[State]):
         unpulled = pull_mm != pull_mm  # NaN
         if not unpulled:
             reach = self._jump_mm + self._speed_mm_s * self._held_s
-            if abs(pull_mm - self.pull_mm) > reach:
+            last_mm = self.pull_mm if self._last_pulled is None else self._last_pulled[2]
+            if abs(pull_mm - last_mm) > reach:
                 self.faults |= _IMPLAUSIBLE_PULL
                 self._held_s -= min(elapsed_s, self._held_s)  # a wrong pull makes no other one likelier
                 refused = pull_mm, measurement_deg
@@ -206,7 +207,8 @@ class OnlineEstimator(Generic[State]):
             if elapsed_s > 0:
                 share = min(elapsed_s / SPEED_S, 1.0)
                 speed_mm_s = (pull_mm - self.pull_mm) / elapsed_s
-                self._mean_speed_mm_s += share * (speed_mm_s - self._mean_speed_mm_s)
+                mean_mm_s = self._mean_speed_mm_s + share * (speed_mm_s - self._mean_speed_mm_s)
+                self._mean_speed_mm_s = min(max(mean_mm_s, -self._speed_mm_s), self._speed_mm_s)
         travel_mm = abs(pull_mm - self.pull_mm)
         left_s = elapsed_s
         if elapsed_s > self._gap_s or travel_mm > self._jump_mm:
@@ -235,7 +237,8 @@ class OnlineEstimator(Generic[State]):
     def _continued_pull(self, elapsed_s: float) -> float:
         """Return a missing pull, which goes on at its mean speed and comes to rest within a second."""
         left = max(1 - sum(of for _, of in self._unpulled) / HOLD_LIMIT_S, 0.0)
-        return self.pull_mm + self._mean_speed_mm_s * left * elapsed_s
+        pull_mm = self.pull_mm + self._mean_speed_mm_s * left * min(elapsed_s, HOLD_LIMIT_S)
+        return min(max(pull_mm, -self._most_mm), self._most_mm)
 
     def _repeat_unpulled(self, pull_mm: float, elapsed_s: float) -> None:
         """Repeat the samples without a pull along the straight line to the one that has come."""
