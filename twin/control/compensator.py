@@ -115,7 +115,7 @@ class LiveCommands:
 
     A sample without a pull counts as one at the latest command; one without a reference keeps the latest. One
     that the runtime ignores, as it is late or has no valid time, is answered by the latest command. While the
-    sensor is missing or stuck (alarms TIMEOUT and STUCK), the command that stands is held.
+    sensor is missing (TIMEOUT) or wrong (STUCK, SIGN, GAIN, DRIFT, BIAS), the present command is held.
     """
 
     def __init__(self, runtime: AssuredEstimator, compensator: Compensator, limits: CommandLimits) -> None:
