@@ -27,6 +27,7 @@ from typing import Any, TextIO, TypeVar
 from scripts.outputs import keep_folders, remove_empty_folders
 from scripts.progress import Progress
 from twin.errors import InputError, MissingExtraError, missing_extra
+from twin.files.program import program_at_fault
 
 Arguments = TypeVar("Arguments")
 MISTAKE = 2  # exit status where something cannot be done
@@ -370,7 +371,10 @@ def describe_error(error: BaseException) -> str:
         return f"out of memory{f': {error}' if str(error) else ''}"
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"
-    if isinstance(error, EXPECTED_ERRORS):
+    expected = isinstance(error, EXPECTED_ERRORS)
+    if program := program_at_fault(error, expected=expected):
+        return f"{program} (ENDOTWIN_TRACEBACK=1 shows where)"
+    if expected:
         return str(error) or type(error).__name__
     fault = f"a fault of the program, please report it: {type(error).__name__}: {error}"
     return f"{fault} (ENDOTWIN_TRACEBACK=1 shows where)"
