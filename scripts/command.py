@@ -108,7 +108,8 @@ def run_verb(
     module = verb.__module__.rsplit(".", 1)[-1]
     word = next((word for word, name in MODULES.items() if name == module), module)
     name = f"endotwin {word}" if module != "__main__" else sys.argv[0]
-    logging.getLogger("absl").setLevel(logging.ERROR)  # dm_control repeats there what we raise
+    for logger in ("absl", "matplotlib"):  # dm_control repeats what we raise; a cache without a home folder
+        logging.getLogger(logger).setLevel(logging.ERROR)
     prepare_streams()
     parsed = _parse(arguments, name, argv)
     if parsed is None:
