@@ -1,9 +1,11 @@
 """Behaviour that all verbs share: a missing extra is one line, a fault of the program is not hidden."""
 
 import dataclasses
+import subprocess
 import sys
 
 import pytest
+from repository import ENVIRONMENT, REPOSITORY
 
 from scripts.command import Summary, run_verb
 from scripts.generate import main
@@ -24,6 +26,26 @@ def test_a_missing_extra_is_one_line_and_nothing_is_written(tmp_path, monkeypatc
     said = capsys.readouterr()
     assert said.err == "endotwin generate: this needs mujoco: pip install 'endotwin[sim]'\n"
     assert not any(tmp_path.iterdir())
+
+
+WITHOUT_MUJOCO = """
+import importlib.metadata as metadata, sys
+sys.modules |= {"mujoco": None, "dm_control": None}
+version = metadata.version
+def installed(name):
+    if name == "mujoco":
+        raise metadata.PackageNotFoundError(name)
+    return version(name)
+metadata.version = installed
+from scripts.generate import main
+sys.exit(main(["--verify", "--out", "assets/samples/dataset"]))
+"""
+
+
+def test_a_dataset_is_verified_without_mujoco():
+    words = [sys.executable, "-c", WITHOUT_MUJOCO]
+    done = subprocess.run(words, cwd=REPOSITORY, capture_output=True, text=True, env=ENVIRONMENT)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize(
