@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from twin.episode import Episode
 from twin.errors import InputError, MissingFileError
-from twin.files.bounded import MEBIBYTE, open_regular
+from twin.files.bounded import MEBIBYTE, opened
 from twin.files.json_text import parse_json
 from twin.files.shown import shown
 from twin.recording.container import MAGIC
@@ -248,7 +248,7 @@ class _Bytes:
 
 def read_contents(path: Path, kept: Collection[str] = TOPICS) -> Contents:
     """Read a file up to its first fault; only messages on the topics `kept` are kept."""
-    with open(open_regular(path, "an MCAP file"), "rb") as file:
+    with opened(path, "an MCAP file") as file:
         size = os.fstat(file.fileno()).st_size
         if size > MOST_BYTES:
             raise InputError(f"{path} has {size} bytes: an MCAP file of at most {MOST_BYTES} is read")
