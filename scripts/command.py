@@ -127,10 +127,9 @@ def run_verb(
         return exit_status(error)
     keep_folders()
     as_json = getattr(parsed, "json", False)
-    if summary.table:
-        say(summary.table, sys.stderr if as_json else sys.stdout)
+    shown = not summary.table or say(summary.table, sys.stderr if as_json else sys.stdout)
     text = json.dumps(summary.values) if as_json else summary.line
-    if not say(text, sys.stderr if summary.to_stderr else None):
+    if not (say(text, sys.stderr if summary.to_stderr else None) and shown):
         complain(f"{name}: the summary cannot be written to standard output; the results are complete")
         return MISTAKE
     return summary.code
@@ -149,10 +148,16 @@ def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] |
             return tyro.cli(arguments, prog=name, args=argv, description=arguments.__doc__)
     except BrokenPipeError:  # `--help | head`
         raise SystemExit(0) from None
+    except OSError as error:
+        _discard_stdout()
+        complain(f"{name}: {describe_error(_unwritable(error))}")
+        return None
     except SystemExit as end:
         if not end.code:
-            say("")
-            raise
+            if say(""):
+                raise
+            complain(f"{name}: the help cannot be written to standard output")
+            return None
     inside = [line.strip("│╭╰╮╯ ") for line in printed.getvalue().splitlines()[1:]]
     box = itertools.dropwhile(_is_rule, inside)  # lines of dashes where there is no Unicode
     message = " ".join(itertools.takewhile(lambda line: not _is_rule(line), box))
@@ -245,7 +250,14 @@ def stream_line(line: str) -> bool:
     except BrokenPipeError:
         _discard_stdout()
         return False
+    except OSError as error:
+        _discard_stdout()
+        raise _unwritable(error) from error
     return True
+
+
+def _unwritable(error: OSError) -> OSError:
+    return OSError(error.errno, error.strerror, "standard output")
 
 
 def _discard_stdout() -> None:
