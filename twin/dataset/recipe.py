@@ -143,7 +143,9 @@ class Recipe:
             from twin.reduced.parameters import refuse_gravity
 
             refuse_gravity(self.preset)
-        check_between("sensor_variance_deg2", self.sensor_variance_deg2, 0.0, LARGEST_VARIANCE_DEG2, "deg^2")
+        if not 0 <= self.sensor_variance_deg2 <= LARGEST_VARIANCE_DEG2:
+            variance = f"variance of the sensor {self.sensor_variance_deg2:g} deg^2"
+            raise InputError(f"{variance}: must be from 0 to {LARGEST_VARIANCE_DEG2:g}")
         self._check_size()
         self._check_commands()
         if self.sheath_bends_deg and self.ranges is not None and "sheath_bend" in self.ranges.to_dict():
