@@ -173,9 +173,15 @@ def _is_rule(line: str) -> bool:
 
 
 def with_flags(line: str, arguments: Any = None) -> str:
-    """Replace parameters of the library in a message, `name` or a leading `name = value`, by flags."""
+    """Replace parameters of the library in a message, `name` or a leading `name = value`, by flags.
+
+    A leading `sensor name = value` is of the sensor's parameters, whose flags begin with `--sensor-`.
+    """
     names = [field.name for field in dataclasses.fields(arguments)] if arguments else []
     flags = FLAGS | {name: "--" + name.replace("_", "-") for name in names}
+    sensor = re.match(r"sensor (\w+) = ", line)
+    if sensor and (flag := flags.get(f"sensor_{sensor[1]}")):
+        return f"{flag} {line[sensor.end() :]}"
     line = re.sub(r"^(\w+) = ", lambda found: f"{flags.get(found[1], found[1] + ' =')} ", line)
     return re.sub(r"`(\w+)`", lambda found: flags.get(found[1], found[0]), line)
 

@@ -7,7 +7,7 @@ import sys
 import pytest
 from repository import ENVIRONMENT, REPOSITORY
 
-from scripts.command import Summary, run_verb
+from scripts.command import Summary, run_verb, with_flags
 from scripts.generate import main
 from twin.errors import MissingExtraError
 
@@ -62,3 +62,13 @@ def test_an_import_that_fails_while_a_verb_runs_says_what_to_install(capsys, err
     verb.__module__ = "scripts.train"
     assert run_verb(Nothing, verb, []) == 2
     assert capsys.readouterr().err == "endotwin train: this needs torch: pip install 'endotwin[rl]'\n"
+
+
+def test_a_parameter_of_the_sensor_is_shown_as_its_flag():
+    @dataclasses.dataclass(frozen=True)
+    class Run(Nothing):
+        sensor_zero_deg: float = 0.0
+
+    line = "sensor zero_deg = nan: must be from -180 to 180"
+    assert with_flags(line, Run()) == "--sensor-zero-deg nan: must be from -180 to 180"
+    assert with_flags(line, Nothing()) == line  # of a preset's file
