@@ -40,9 +40,9 @@ def main() -> int:
         prepare_streams()
         words = sys.argv[1:]
         if not words or words[0] in ("-h", "--help"):
-            return 0 if say(_help()) else MISTAKE
+            return _print(_help())
         if words[0] in ("-V", "--version"):
-            return 0 if say(f"endotwin {__version__}") else MISTAKE
+            return _print(f"endotwin {__version__}")
         verb, *rest = words
         if verb not in VERBS:
             close = difflib.get_close_matches(verb, VERBS, n=1)
@@ -50,6 +50,13 @@ def main() -> int:
             complain(f"endotwin: unknown verb {verb!r:.40}{guess}; valid: {', '.join(VERBS)}")
             return MISTAKE
         return int(importlib.import_module(f"scripts.{MODULES.get(verb, verb)}").main(rest))
+
+
+def _print(text: str) -> int:
+    if say(text):
+        return 0
+    complain("endotwin: standard output cannot be written: is its disk full?")
+    return MISTAKE
 
 
 def _help() -> str:

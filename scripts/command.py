@@ -27,6 +27,7 @@ from typing import Any, TextIO, TypeVar
 from scripts.outputs import keep_folders, remove_empty_folders
 from scripts.progress import Progress
 from twin.errors import InputError, MissingExtraError, missing_extra
+from twin.files.program import program_at_fault
 
 Arguments = TypeVar("Arguments")
 MISTAKE = 2  # exit status where something cannot be done
@@ -107,7 +108,8 @@ def run_verb(
     module = verb.__module__.rsplit(".", 1)[-1]
     word = next((word for word, name in MODULES.items() if name == module), module)
     name = f"endotwin {word}" if module != "__main__" else sys.argv[0]
-    logging.getLogger("absl").setLevel(logging.ERROR)  # dm_control repeats there what we raise
+    for logger in ("absl", "matplotlib"):  # dm_control repeats what we raise; a cache without a home folder
+        logging.getLogger(logger).setLevel(logging.ERROR)
     prepare_streams()
     parsed = _parse(arguments, name, argv)
     if parsed is None:
@@ -125,10 +127,9 @@ def run_verb(
         return exit_status(error)
     keep_folders()
     as_json = getattr(parsed, "json", False)
-    if summary.table:
-        say(summary.table, sys.stderr if as_json else sys.stdout)
+    shown = not summary.table or say(summary.table, sys.stderr if as_json else sys.stdout)
     text = json.dumps(summary.values) if as_json else summary.line
-    if not say(text, sys.stderr if summary.to_stderr else None):
+    if not (say(text, sys.stderr if summary.to_stderr else None) and shown):
         complain(f"{name}: the summary cannot be written to standard output; the results are complete")
         return MISTAKE
     return summary.code
@@ -147,10 +148,16 @@ def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] |
             return tyro.cli(arguments, prog=name, args=argv, description=arguments.__doc__)
     except BrokenPipeError:  # `--help | head`
         raise SystemExit(0) from None
+    except OSError as error:
+        _discard_stdout()
+        complain(f"{name}: {describe_error(_unwritable(error))}")
+        return None
     except SystemExit as end:
         if not end.code:
-            say("")
-            raise
+            if say(""):
+                raise
+            complain(f"{name}: the help cannot be written to standard output")
+            return None
     inside = [line.strip("│╭╰╮╯ ") for line in printed.getvalue().splitlines()[1:]]
     box = itertools.dropwhile(_is_rule, inside)  # lines of dashes where there is no Unicode
     message = " ".join(itertools.takewhile(lambda line: not _is_rule(line), box))
@@ -166,9 +173,15 @@ def _is_rule(line: str) -> bool:
 
 
 def with_flags(line: str, arguments: Any = None) -> str:
-    """Replace parameters of the library in a message, `name` or a leading `name = value`, by flags."""
+    """Replace parameters of the library in a message, `name` or a leading `name = value`, by flags.
+
+    A leading `sensor name = value` is of the sensor's parameters, whose flags begin with `--sensor-`.
+    """
     names = [field.name for field in dataclasses.fields(arguments)] if arguments else []
     flags = FLAGS | {name: "--" + name.replace("_", "-") for name in names}
+    sensor = re.match(r"sensor (\w+) = ", line)
+    if sensor and (flag := flags.get(f"sensor_{sensor[1]}")):
+        return f"{flag} {line[sensor.end() :]}"
     line = re.sub(r"^(\w+) = ", lambda found: f"{flags.get(found[1], found[1] + ' =')} ", line)
     return re.sub(r"`(\w+)`", lambda found: flags.get(found[1], found[0]), line)
 
@@ -243,7 +256,14 @@ def stream_line(line: str) -> bool:
     except BrokenPipeError:
         _discard_stdout()
         return False
+    except OSError as error:
+        _discard_stdout()
+        raise _unwritable(error) from error
     return True
+
+
+def _unwritable(error: OSError) -> OSError:
+    return OSError(error.errno, error.strerror, "standard output")
 
 
 def _discard_stdout() -> None:
@@ -370,7 +390,10 @@ def describe_error(error: BaseException) -> str:
         return f"out of memory{f': {error}' if str(error) else ''}"
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"
-    if isinstance(error, EXPECTED_ERRORS):
+    expected = isinstance(error, EXPECTED_ERRORS)
+    if program := program_at_fault(error, expected=expected):
+        return f"{program} (ENDOTWIN_TRACEBACK=1 shows where)"
+    if expected:
         return str(error) or type(error).__name__
     fault = f"a fault of the program, please report it: {type(error).__name__}: {error}"
     return f"{fault} (ENDOTWIN_TRACEBACK=1 shows where)"

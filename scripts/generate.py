@@ -94,9 +94,10 @@ class Generate(Options):
 
 def generate(args: Generate) -> Summary:
     """Write, verify or replay."""
-    require_extra("sim")
     if args.replay is not None and args.verify:
         raise ValueError("--replay and --verify: choose one")
+    if not args.verify:
+        require_extra("sim")
     if args.replay is not None:
         return _replay(args.replay)
     if args.out is None:

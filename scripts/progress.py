@@ -1,18 +1,22 @@
-"""Progress of long work, as a bar on stderr."""
+"""Progress of long work on stderr: a bar on a terminal, else a line from time to time."""
 
 import contextlib
 import math
 import sys
+import time
 from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-LOGGED_EVERY = 10.0  # seconds between two lines of a bar in a file
+LOGGED_EVERY = 10.0  # seconds between two lines where stderr is no terminal
 
 
 class Progress:
-    """A bar on stderr: `Progress("training")(done, total, note)` shows that `done` of `total` are done."""
+    """Progress on stderr: `Progress("training")(done, total, note)` shows that `done` of `total` are done.
+
+    A terminal has a bar. A file or a pipe has a line every `LOGGED_EVERY` seconds, short work none.
+    """
 
     _shown: ClassVar[list["tqdm[Any]"]] = []
 
@@ -20,27 +24,39 @@ class Progress:
         self.bar: tqdm[Any] | None = None
         self.what = what
         self.unit = unit
+        self._first: tuple[float, int] | None = None  # time and number done at the first call
+        self._logged = 0.0  # time of the last line
 
     def __call__(self, done: int, total: int, note: str = "") -> None:
         """Show that `done` of `total` are done; a closed stderr is no reason to stop."""
         with contextlib.suppress(OSError, ValueError):
+            if not sys.stderr.isatty():
+                self._log(done, total, note)
+                return
             if self.bar is None:
                 from tqdm import tqdm
 
-                self.bar = tqdm(
-                    total=total,
-                    desc=self.what,
-                    unit=self.unit,
-                    file=sys.stderr,
-                    unit_scale=True,
-                    mininterval=0.1 if sys.stderr.isatty() else LOGGED_EVERY,
-                )
+                self.bar = tqdm(total=total, desc=self.what, unit=self.unit, file=sys.stderr, unit_scale=True)
                 self._shown.append(self.bar)
             if note:
                 self.bar.set_postfix_str(note, refresh=False)
             self.bar.update(done - self.bar.n)
             if done >= total:
                 self.bar.close()
+
+    def _log(self, done: int, total: int, note: str) -> None:
+        now = time.monotonic()
+        if self._first is None:
+            self._first, self._logged = (now, done), now
+        if now - self._logged < LOGGED_EVERY or total <= 0:
+            return
+        self._logged = now
+        start, begun = self._first
+        left = ""
+        if done > begun:
+            seconds = round((total - done) * (now - start) / (done - begun))
+            left = f", {seconds // 60}:{seconds % 60:02} min left"
+        print(f"{self.what}: {100 * done // total} %{left}{note and ', '}{note}", file=sys.stderr, flush=True)
 
     @classmethod
     def close_all(cls) -> None:

@@ -118,7 +118,10 @@ def train(args: Train) -> Summary:
     """Fill a run folder."""
     noise = {name: getattr(args, name) for name in STRICT}
     if args.protocol == "strict" and noise != STRICT:
-        raise ValueError(f"--protocol strict trains under {STRICT}: use --protocol free for {noise}")
+        strict, other = (
+            "--noise {noise} --noise-level {noise_level:g}".format(**of) for of in (STRICT, noise)
+        )
+        raise ValueError(f"--protocol strict trains under {strict}: use --protocol free for {other}")
     agent = _agent(args)
     if agent not in POLICIES and (flag := _first_given(args, _OF_POLICIES)):
         raise ValueError(f"{flag} is for the agents {' and '.join(POLICIES)}, not for {agent}")

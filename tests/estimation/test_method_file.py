@@ -2,13 +2,16 @@
 
 import functools
 import json
+import re
 import sys
 
+import numpy as np
 import pytest
 from repository import REPOSITORY
 from scores import simulated_record
 from typed import typed
 
+from scripts.command import describe_error
 from twin.estimation import registry
 from twin.estimation.knowledge import Knowledge
 from twin.estimation.registry import find_method, load_method_files, method_specs
@@ -87,3 +90,41 @@ def test_what_cannot_be_used_is_refused_in_one_line(text, message, tmp_path):
         load_method_files([tmp_path / "bad.py"])
     assert len(ended.err.splitlines()) == 1
     assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("former", "text", "message"),
+    [
+        (
+            "def step(",
+            "def other(",
+            r"mine\.py, line 35: TypeError: Can't instantiate abstract class .* step",
+        ),
+        ("Complementary(known.reference)", "known.other", r"mine\.py, line 35: AttributeError: 'Knowledge' "),
+        ("Complementary(known.reference)", "3", "its `build` returned 3: must be an object of a class that"),
+        (
+            "+ self.share",
+            "+ self.shares",
+            r"mine\.py, line 26: AttributeError: 'Complementary' object has no",
+        ),
+        ("return predicted", "return predicted[:2]", r"mine\.py, line 26: ValueError: operands could not be"),
+        (
+            "Complementary(known.reference)",
+            "len",
+            r"^a fault of the method file .*mine\.py, or of EndoTwin: TypeError",
+        ),
+    ],
+)
+def test_an_incomplete_method_is_no_fault_of_the_program(tmp_path, model, former, text, message):
+    path = tmp_path / "mine.py"
+    path.write_text(EXAMPLE.read_text().replace(former, text, 1))
+    (spec,) = load_method_files([path])
+    pull, bend = np.linspace(0, 1, 20), np.linspace(0, 30, 20)
+
+    def compared():
+        method = build_method(spec, Knowledge(0.1, {ColemanHodgdon.name: model}))
+        compare([simulated_record(pull, bend)], [method], Protocol("paper-only", seeds=1))
+
+    with pytest.raises((AttributeError, TypeError, ValueError)) as caught:
+        compared()
+    assert re.search(message, describe_error(caught.value))

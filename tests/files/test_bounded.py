@@ -37,3 +37,9 @@ def test_what_is_no_file_is_refused(tmp_path):
         read_limited(tmp_path / "loop", 9)
     with pytest.raises(InputError, match="cannot be read"):
         read_limited(tmp_path / ("x" * 300), 9)
+
+
+def test_a_read_that_fails_names_the_file(tmp_path):
+    (tmp_path / "bad.yaml").symlink_to("/proc/self/mem")  # nothing is mapped at its begin: EIO
+    with pytest.raises(OSError, match=r"Input/output error: '.*bad\.yaml'"):
+        read_limited(tmp_path / "bad.yaml", 9)

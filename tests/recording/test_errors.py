@@ -155,6 +155,28 @@ def test_not_a_number_is_named_by_field_and_sample(tmp_path):
     assert fault_of(path) == "holds no whole episode: bend is not finite at sample 7"
 
 
+@pytest.mark.parametrize(
+    ("message", "fault"),
+    [
+        (schema.Command(pull_mm=1e39), "pull_mm = 1e+39 at sample 3: must be from -200 to 200 mm"),
+        (schema.Truth(truth_deg=-1e300), "truth_deg = -1e+300 at sample 3: must be from -7200 to 7200 deg"),
+        (schema.Measurement(measured_deg=1e39), "measured_deg = 1e+39 at sample 3: must be from -1e+06 to"),
+    ],
+)
+def test_implausible_numbers_are_named_although_checksums_are_valid(tmp_path, message, fault):
+    bare = write_episode(tmp_path / "a.mcap", make_episode(vertebrae=0, elements=None)).read_bytes()
+    topic = next(topic for topic, kind in SCHEMAS.items() if kind is type(message))
+    path = rewrite(bare, tmp_path / "b.mcap", change(topic, 3, message.SerializeToString()))
+    assert fault in fault_of(path)
+
+
+def test_what_could_not_be_read_is_not_written(tmp_path):
+    episode = dataclasses.replace(make_episode(), pull=np.linspace(0.0, 0.3, 12))
+    with pytest.raises(InputError, match=r"pull_mm = 218\.182 at sample 8: must be"):
+        write_episode(tmp_path / "far.mcap", episode)
+    assert not any(tmp_path.iterdir())
+
+
 @settings(max_examples=50, deadline=None)
 @given(topic=st.sampled_from([*SCHEMAS]), index=st.integers(0, 11), data=st.binary(max_size=60))
 def test_any_payload_gives_an_episode_or_a_value_error(folder, whole, topic, index, data):

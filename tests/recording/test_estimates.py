@@ -42,7 +42,8 @@ def test_angles_come_back_at_their_samples_and_nan_between(tmp_path, topic):
             [(TIMES[3], estimate_message(1))] * 2,
             "the messages of /reference are not at the times of those of",
         ),
-        ([(TIMES[3], estimate_message(math.inf))], "an angle of /reference is infinite"),
+        ([(TIMES[3], estimate_message(math.inf))], "an angle of /reference is inf deg: must be from -1e"),
+        ([(TIMES[3], estimate_message(1e39))], r"an angle of /reference is 1e\+39 deg: must be from -1e"),
         (
             [(TIMES[3], schema.Command(pull_mm=1))],
             "topic /reference has 'protobuf' messages of schema endotwin",

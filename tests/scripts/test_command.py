@@ -1,11 +1,13 @@
 """Behaviour that all verbs share: a missing extra is one line, a fault of the program is not hidden."""
 
 import dataclasses
+import subprocess
 import sys
 
 import pytest
+from repository import ENVIRONMENT, REPOSITORY
 
-from scripts.command import Summary, run_verb
+from scripts.command import Summary, run_verb, with_flags
 from scripts.generate import main
 from twin.errors import MissingExtraError
 
@@ -26,6 +28,26 @@ def test_a_missing_extra_is_one_line_and_nothing_is_written(tmp_path, monkeypatc
     assert not any(tmp_path.iterdir())
 
 
+WITHOUT_MUJOCO = """
+import importlib.metadata as metadata, sys
+sys.modules |= {"mujoco": None, "dm_control": None}
+version = metadata.version
+def installed(name):
+    if name == "mujoco":
+        raise metadata.PackageNotFoundError(name)
+    return version(name)
+metadata.version = installed
+from scripts.generate import main
+sys.exit(main(["--verify", "--out", "assets/samples/dataset"]))
+"""
+
+
+def test_a_dataset_is_verified_without_mujoco():
+    words = [sys.executable, "-c", WITHOUT_MUJOCO]
+    done = subprocess.run(words, cwd=REPOSITORY, capture_output=True, text=True, env=ENVIRONMENT)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize(
     "error",
     [
@@ -40,3 +62,13 @@ def test_an_import_that_fails_while_a_verb_runs_says_what_to_install(capsys, err
     verb.__module__ = "scripts.train"
     assert run_verb(Nothing, verb, []) == 2
     assert capsys.readouterr().err == "endotwin train: this needs torch: pip install 'endotwin[rl]'\n"
+
+
+def test_a_parameter_of_the_sensor_is_shown_as_its_flag():
+    @dataclasses.dataclass(frozen=True)
+    class Run(Nothing):
+        sensor_zero_deg: float = 0.0
+
+    line = "sensor zero_deg = nan: must be from -180 to 180"
+    assert with_flags(line, Run()) == "--sensor-zero-deg nan: must be from -180 to 180"
+    assert with_flags(line, Nothing()) == line  # of a preset's file

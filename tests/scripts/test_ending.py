@@ -43,6 +43,31 @@ def test_full_stdout_is_said_and_what_was_made_is_whole():
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--help",), "endotwin: standard output cannot be written: is its disk full?"),
+        (("export", "--help"), "endotwin export: standard output: No space left on device"),
+        (("samples", "--help"), "endotwin samples: standard output: No space left on device"),
+    ],
+)
+def test_help_on_a_full_disk_is_one_line(words, line):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            command(*words), cwd=REPOSITORY, stdout=full, stderr=subprocess.PIPE, env=ENVIRONMENT, text=True
+        )
+    assert (done.returncode, done.stderr) == (2, f"{line}\n")
+
+
+def test_a_table_or_a_stream_that_cannot_be_written_is_no_success():
+    with open("/dev/full", "w") as full:
+        done = run("return Summary('made', {}, table='1 2 3')", stdout=full)
+        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+        done = run("from scripts.command import stream_line; stream_line('1')", stdout=full)
+    assert done.returncode == 2
+    assert done.stderr.endswith(": standard output: No space left on device\n")
+
+
 def test_closed_streams_are_no_reason_to_fail():
     done = run("open('/dev/null')", preexec_fn=lambda: (os.close(1), os.close(2)), stdout=None, stderr=None)
     assert done.returncode == 0

@@ -24,6 +24,12 @@ def test_hostile_files_end_in_good_output_or_one_line(workspace, tmp_path, count
     hostile_cases.run_all(hostile_cases.drawn(count, workspace, commands), workspace, tmp_path)
 
 
+@pytest.mark.parametrize("count", few_and_many(16, 240))
+def test_extreme_numbers_end_in_good_output_or_one_line_that_names_the_file(workspace, tmp_path, count):
+    commands = QUICK if count < 100 else list(COMMANDS)
+    hostile_cases.run_all(hostile_cases.numbers(count, workspace, commands), workspace, tmp_path)
+
+
 @pytest.mark.parametrize("count", few_and_many(20, 2000))
 def test_hostile_options_end_in_good_output_or_one_line(workspace, tmp_path, count):
     commands = QUICK if count < 100 else list(COMMANDS)

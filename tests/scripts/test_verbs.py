@@ -173,6 +173,11 @@ def mistakes(workspace, tmp_path_factory):
         ),
         ("import log.csv --command-unit rad --out x", "check --command-unit and --pulley-radius-mm"),
         ("import log.csv --name a/b --out x", "--name 'a/b'"),
+        ("import log.csv --command-scale nan --out x", "--command-scale nan: must be a finite number"),
+        (
+            "train data/train --agent ram --model m.json --noise-level 1e300 --out x",
+            "use --protocol free for --noise gaussian --noise-level 1e",
+        ),
         ("import log.csv --out data/test", "dataset.json that no import wrote"),
         ("import log.csv --out table.mcap/x", "cannot write to the folder table.mcap/x"),
         ("generate --preset negative.yaml --out x", "wire_stiffness = -5.0: must be positive"),

@@ -17,6 +17,7 @@ from typing import NamedTuple
 from unittest import mock
 
 import hostile_edits
+import hostile_numbers
 import numpy as np
 from pickles import PICKLES
 from typed import Typed, typed_words
@@ -39,7 +40,7 @@ class Case(NamedTuple):
 
     Attributes:
         command: name in the table of commands.
-        family: file, plant, argument or clean.
+        family: file, number, plant, argument or clean.
         target: name of the file, or of the output next to which something is planted.
         what: damage or plant.
         seed: of its random parts.
@@ -97,8 +98,20 @@ def pickles(root: Path, *, every: bool) -> Iterator[Case]:
                 yield from (Case(name, "file", file, one, 0) for one in (names if every else names[-1:]))
 
 
+def numbers(count: int, root: Path, commands: list[str]) -> Iterator[Case]:
+    """Extreme numbers in files that commands read, in turn; checksums stay valid."""
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        name = commands[seed % len(commands)]
+        files = [file for file in COMMANDS[name].reads(root) if Path(file).suffix in hostile_numbers.EDITS]
+        # A recording is most of what there is to read; without this, there would be more of other files.
+        recordings = [file for file in files if file.endswith(".mcap") and rng.random() < 0.7]
+        yield Case(name, "number", hostile_edits.pick(rng, recordings or files), "extreme", seed)
+
+
 NUMBERS = (
     "-1", "0", "nan", "inf", "1e400", "1000000000", "9" * 5000, "-1e18", "0.5", "0x10", "1_0", "\u0661",
+    "1e300", "-1e300", "1e39", "1e-320", "-0.0", "1000000000000000000",
 )  # fmt: skip
 WORDS = (
     "", " ", "x" * 5000, "two\nlines", "a\rb\x1b[31mred", "--out", "-", "--", "\udcff", "null", "=", "a=b",
@@ -192,6 +205,8 @@ def faults_of(case: Case, root: Path, tmp: Path) -> list[str]:
     with copied(root, around / "work") as work, mock.patch.object(tempfile, "tempdir", str(around / "tmp")):
         if case.family == "file":
             hostile_edits.damage(work / case.target, case.what, around / "outside", canary, case.seed)
+        elif case.family == "number":
+            hostile_numbers.put_number(work / case.target, case.seed)
         elif case.family == "plant":
             thing, name = case.what.split(" as ")
             path = (work / case.target).with_name(PLANTED[name](Path(case.target)))
@@ -208,6 +223,10 @@ def faults_of(case: Case, root: Path, tmp: Path) -> list[str]:
         except BaseException as error:
             return [f"raises {type(error).__name__}: {str(error)[:150]}"]
         faults = list(of_the_end(ended, command))
+        if case.family == "number" and ended.code == 2:
+            named = {case.target, *(word for word in words[1:] if (root / word).exists())}  # or its folder
+            if not any(Path(name).name in ended.err for name in named):
+                faults.append(f"does not name the file: {ended.err[-200:]}")
         changed = changes(before, snapshot(around))
         any_output = case.family == "argument" and words != command.words
         for name, how in changed.items():

@@ -50,7 +50,7 @@ def make_episode(
         attachments={"endoscope.xml": b"<mujoco/>", "empty.bin": b"", "preset.yaml": bytes(range(256))},
     )
     recorded = ["pulley", "sheath_bend"] * drive + ["lateral_pull", "lateral_bend"] * (planes == 2)
-    optional = {field: rng.normal(size=samples) for field in recorded}
+    optional = {field: rng.normal(scale=1e-2, size=samples) for field in recorded}
     if drive and lengths > 0:
         slack = rng.normal(scale=1e-4, size=episode.wire_tension.shape)
         optional["wire_slack"] = np.maximum(slack, 0)

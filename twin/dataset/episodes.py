@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,15 @@ from twin.vision.rig import StereoRig
 
 Array = NDArray[np.float64]
 
-VERSIONS = {"endotwin": __version__, "mujoco": version("mujoco")}
+
+def _installed(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # datasets are verified without it
+        return "not installed"
+
+
+VERSIONS = {"endotwin": __version__, "mujoco": _installed("mujoco")}
 """Versions that the bytes of a dataset depend on, as stated in its metadata and `dataset.json`."""
 
 _STREAMS = 4  # of random numbers: signal, sensor, lateral signal, preset

@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from twin.errors import InputError
-from twin.files.bounds import LONGEST_SECONDS, check_between
+from twin.files.bounds import LARGEST_VARIANCE_DEG2, LONGEST_SECONDS, check_between
 from twin.files.shown import shown
 from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, wound_tension
 from twin.preset.preset import Preset, at_sample_time, parameter_limits
@@ -143,9 +143,9 @@ class Recipe:
             from twin.reduced.parameters import refuse_gravity
 
             refuse_gravity(self.preset)
-        if not 0 <= self.sensor_variance_deg2 < np.inf:
+        if not 0 <= self.sensor_variance_deg2 <= LARGEST_VARIANCE_DEG2:
             variance = f"variance of the sensor {self.sensor_variance_deg2:g} deg^2"
-            raise InputError(f"{variance}: must be finite and not negative")
+            raise InputError(f"{variance}: must be from 0 to {LARGEST_VARIANCE_DEG2:g}")
         self._check_size()
         self._check_commands()
         if self.sheath_bends_deg and self.ranges is not None and "sheath_bend" in self.ranges.to_dict():

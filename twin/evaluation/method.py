@@ -14,6 +14,7 @@ from twin.estimation.gaussian import DEVIATIONS_OF_95
 from twin.estimation.knowledge import Case, CaseEstimator, IntervalEstimator, Knowledge
 from twin.estimation.registry import MethodSpec
 from twin.evaluation.protocol import RECORDED, Condition, Protocol
+from twin.files.shown import shown
 from twin.signals.noise import KINDS, draw_errors, noise_bound, noise_mean, noise_variance
 
 Array = NDArray[np.float64]
@@ -193,6 +194,10 @@ def build_method(spec: MethodSpec, knowledge: Knowledge) -> Method:
     if spec.ensembles:
         count = len(knowledge.ensembles)
     built = [spec.build(dataclasses.replace(knowledge, training=place)) for place in range(count)]
+    for each in built:
+        if not callable(each) and not isinstance(each, Estimator):
+            rule = "must be an object of a class that derives from Estimator"
+            raise InputError(f"method {spec.name!r}: its `build` returned {shown(each)}: {rule}")
     first, *others = [Filtering(each) if isinstance(each, Estimator) else each for each in built]
     return Method(spec.name, first, spec.oracle, spec.given, tuple(others))
 

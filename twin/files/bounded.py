@@ -1,9 +1,12 @@
 """Bytes of a regular file, up to a limit, with which every reader begins; and its SHA-256."""
 
+import contextlib
 import errno
 import hashlib
 import os
 import stat
+from collections.abc import Iterator
+from io import BufferedReader
 from pathlib import Path
 
 from twin.errors import InputError, MissingFileError
@@ -21,15 +24,26 @@ def read_limited(path: str | Path, most_bytes: int) -> bytes:
     A named pipe would block for ever and a device never end: neither is read. Of a file that grows while it
     is read, at most one byte more is read.
     """
-    descriptor = open_regular(path)
-    with open(descriptor, "rb") as file:
-        size = os.fstat(descriptor).st_size
+    with opened(path) as file:
+        size = os.fstat(file.fileno()).st_size
         if size <= most_bytes:
             content = file.read(most_bytes + 1)
             size = len(content)
     if size > most_bytes:
         raise InputError(f"{named(path)} has {size} bytes or more: at most {most_bytes} are read")
     return content
+
+
+@contextlib.contextmanager
+def opened(path: str | Path, wanted: str = "a file") -> Iterator[BufferedReader]:
+    """Context manager: a regular file, open for reading; an `OSError` of a read names it."""
+    try:
+        with open(open_regular(path, wanted), "rb") as file:
+            yield file
+    except OSError as error:
+        if error.errno is None or error.filename is not None:
+            raise
+        raise OSError(error.errno, error.strerror, named(path)) from error
 
 
 def open_regular(path: str | Path, wanted: str = "a file") -> int:
@@ -59,5 +73,5 @@ def open_regular(path: str | Path, wanted: str = "a file") -> int:
 
 def sha256_of(path: Path) -> str:
     """Return the SHA-256 of a file, in hexadecimal."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -108,6 +108,9 @@ class LogFormat:
             raise InputError(
                 f"`pulley_radius` is {self.pulley_radius:g} m: must be positive, at most {LARGEST_RADIUS:g} m"
             )
+        for parameter in ("command_scale", "command_zero"):
+            if not np.isfinite(value := getattr(self, parameter)):
+                raise InputError(f"{parameter} = {value}: must be a finite number")
         check_cycle(self.seconds_per_cycle)
         bend = self.sheath_bend_deg
         if bend is not None and not 0 <= bend <= LARGEST_SHEATH_BEND_DEG:

@@ -9,6 +9,7 @@ import contextlib
 import csv
 import dataclasses
 import datetime
+import io
 import itertools
 import re
 from array import array
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, MissingFileError
-from twin.files.bounded import open_regular, sha256_of
+from twin.files.bounded import opened, sha256_of
 from twin.signals.sensor import LARGEST_PULL_MM, LARGEST_TIME_S
 
 Array = NDArray[np.float64]
@@ -295,7 +296,7 @@ def _is_row(fields: Sequence[str], mark: str) -> bool:
 
 def _encoding(path: Path) -> str:
     """Return the encoding of a text: by its mark, else UTF-8, else that of Windows."""
-    with open(open_regular(path, "a CSV file"), "rb") as file:
+    with opened(path, "a CSV file") as file:
         begin = file.read(3)
         for mark, name in _MARKS.items():
             if begin.startswith(mark):
@@ -313,7 +314,8 @@ def _encoding(path: Path) -> str:
 
 def _lines(path: Path, encoding: str) -> Iterator[str]:
     """Yield the lines of a file, with their ends."""
-    with open(open_regular(path, "a CSV file"), encoding=encoding, errors="replace", newline="") as file:
+    with opened(path, "a CSV file") as raw:
+        file = io.TextIOWrapper(raw, encoding=encoding, errors="replace", newline="")
         for number in itertools.count(1):
             line = file.readline(LONGEST_LINE + 1)
             if not line:

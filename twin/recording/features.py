@@ -10,11 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import WIRES, Episode
+from twin.errors import InputError
 from twin.files.atomic import write_whole
+from twin.signals.sensor import LARGEST_BEND_DEG, LARGEST_PULL_MM
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-7  # relative tolerance of statistics: nine digits of them are written
 UNITS = {"mm": "mm", "deg": "deg", "rad": "rad", "n": "N"}  # unit of a quantity, by what its name ends in
+LARGEST = {
+    "pull_mm": LARGEST_PULL_MM,
+    "lateral_pull_mm": LARGEST_PULL_MM,
+    "measured_deg": 1e6,  # of a simulated sensor, noisy and scaled; `import` and `run` refuse less
+} | {"mm": 10 * LARGEST_PULL_MM, "deg": 10 * LARGEST_BEND_DEG, "rad": 100.0, "N": 1e6}
+"""Largest plausible magnitude of a quantity by its name, or by its unit: sections and servos overshoot."""
 COMMAND_ANGLE = "command_deg"
 """The command as an angle of the preset's pulley: the one column that is no quantity of `FEATURES`."""
 
@@ -97,6 +105,19 @@ def recorded(episode: Episode) -> dict[str, Array]:
     """Return the quantities that an episode holds, by the names of `FEATURES`."""
     values = {feature.name: np.asarray(feature.values(episode)) for feature in FEATURES}
     return {name: array for name, array in values.items() if array.size > 0}
+
+
+def refuse_implausible(episode: Episode) -> None:
+    """Refuse numbers beyond all endoscopes and sensors; the message names the first sample of a quantity."""
+    for feature in FEATURES:
+        with np.errstate(over="ignore"):
+            values = np.asarray(feature.values(episode))
+        largest = LARGEST.get(feature.name, LARGEST[feature.unit])
+        wrong = np.abs(values) > largest * (1 + TOLERANCE)  # conversions of units round
+        if wrong.any():
+            place = tuple(np.argwhere(wrong)[0])
+            rule = f"must be from {-largest:g} to {largest:g} {feature.unit}: is the unit right?"
+            raise InputError(f"{feature.name} = {values[place]:g} at sample {place[0]}: {rule}")
 
 
 def describe_features(episode: Episode) -> dict[str, dict[str, Any]]:

@@ -24,7 +24,7 @@ from twin.errors import InputError
 from twin.recording.chunks import Stream
 from twin.recording.endotwin_pb2 import Command, Estimate, Measurement, Tension, Truth
 from twin.recording.endotwin_pb2 import Health as HealthMessage
-from twin.recording.features import FEATURES
+from twin.recording.features import FEATURES, refuse_implausible
 from twin.recording.scene import (
     LATERAL_HINGE,
     hinge_angles,
@@ -92,6 +92,8 @@ def decode(
         if topic not in times:
             raise InputError(f"topic {topic} is missing")
     count = len(times["/command"])
+    if max(times["/command"], default=0) > LARGEST_TIME:
+        raise InputError(f"a log time is {max(times['/command'])} ns: must be at most {LARGEST_TIME}")
     for topic in SCHEMAS:
         if topic not in times or topic in ("/measurement", SCENE_TOPIC):
             continue
@@ -223,6 +225,7 @@ def _table(name: str, rows: Sequence[Sequence[float]], count: int) -> Array:
 def streams_of(episode: Episode, start: int) -> list[Stream]:
     """Return the message streams of an episode, one for each topic."""
     _check_shapes(episode)
+    refuse_implausible(episode)
     seen = ~np.isnan(episode.measured_bend)
     if not seen.any():
         raise InputError("measured_bend is NaN at every sample: a record needs a measurement")

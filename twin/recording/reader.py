@@ -23,11 +23,12 @@ from numpy.typing import NDArray
 
 from twin.episode import Episode
 from twin.errors import InputError, MissingFileError
-from twin.files.bounded import MEBIBYTE, open_regular
+from twin.files.bounded import MEBIBYTE, opened
 from twin.files.json_text import parse_json
 from twin.files.shown import shown
 from twin.recording.container import MAGIC
 from twin.recording.endotwin_pb2 import Estimate
+from twin.recording.features import LARGEST, refuse_implausible
 from twin.recording.messages import SCHEMAS, decode, places_of, required_topics
 from twin.recording.writer import METADATA_RECORD
 
@@ -183,7 +184,9 @@ class Contents:
         if joints > max(_SMALLEST_JOINT_LIMIT, self._file_size):
             raise InputError("/joint_states has more joints than a file of this size may hold")
         arrays = decode(self.times, self.payloads, hidden=hidden, measured=self.is_measured)
-        return Episode(**arrays, metadata=metadata, attachments=self.attachments)
+        episode = Episode(**arrays, metadata=metadata, attachments=self.attachments)
+        refuse_implausible(episode)
+        return episode
 
     def check_topics(self) -> None:
         """Refuse a file in which a topic of an episode is missing or has another encoding or schema."""
@@ -245,7 +248,7 @@ class _Bytes:
 
 def read_contents(path: Path, kept: Collection[str] = TOPICS) -> Contents:
     """Read a file up to its first fault; only messages on the topics `kept` are kept."""
-    with open(open_regular(path, "an MCAP file"), "rb") as file:
+    with opened(path, "an MCAP file") as file:
         size = os.fstat(file.fileno()).st_size
         if size > MOST_BYTES:
             raise InputError(f"{path} has {size} bytes: an MCAP file of at most {MOST_BYTES} is read")
@@ -355,8 +358,9 @@ def read_estimates(path: str | Path, topic: str) -> Array:
         messages = [Estimate.FromString(payload) for payload in contents.payloads.get(topic, [])]
         places = places_of(contents.times.get(topic, []), commands, topic)
         angle_deg[places] = [message.estimate_deg for message in messages]
-        if np.isinf(angle_deg).any():
-            raise InputError(f"an angle of {topic} is infinite")
+        if (wrong := np.abs(angle_deg) > LARGEST["measured_deg"]).any():
+            rule = f"must be from {-LARGEST['measured_deg']:g} to {LARGEST['measured_deg']:g}"
+            raise InputError(f"an angle of {topic} is {angle_deg[wrong][0]:g} deg: {rule}")
     return angle_deg
 
 

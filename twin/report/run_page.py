@@ -147,7 +147,11 @@ def _endoscope(train: list[Episode] | None) -> list[Markup]:
     parameters = train[0].metadata.get("preset") if train and train[0].joint_angle.size else None
     if train is None or not isinstance(parameters, dict):
         return []
-    preset = preset_of(str(parameters.get("name", "")), {k: v for k, v in parameters.items() if k != "name"})
+    given = {name: value for name, value in parameters.items() if name != "name"}
+    try:
+        preset = preset_of(str(parameters.get("name", "")), given)
+    except ValueError as error:
+        return [html.gap(f"The endoscope of the training records cannot be drawn: {cut(error, 300)}.")]
     return [
         html.figure(
             bending_schematic(preset, train[0]),
