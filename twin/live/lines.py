@@ -39,7 +39,8 @@ class SampleLine(BaseModel):
 
     time_s: Annotated[Number, Field(description="time stamp, later than the one before [s]")]
     pull_mm: Annotated[
-        Number | None, Field(description="commanded pulling distance; without it, the last one goes on at its recent speed [mm]")
+        Number | None,
+        Field(description="commanded pulling distance; if missing, it goes on at its speed [mm]"),
     ] = None
     measurement_deg: Annotated[
         Number | None, Field(description="measured bending angle; without it, it is missing [deg]")
