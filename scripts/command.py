@@ -47,6 +47,8 @@ FLAGS = {
 }
 """Parameters of the library whose flag has another name, or belongs to another verb."""
 
+_NO_MEMORY = re.compile("failed to map segment|cannot allocate memory", re.IGNORECASE)
+"""Text of the loader's error where the memory for a library is missing; NumPy puts its own around it."""
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
@@ -386,6 +388,8 @@ def describe_error(error: BaseException) -> str:
         missing = error if isinstance(error, MissingExtraError) else missing_extra(error)
         if missing is not None:
             return str(missing)
+        if _NO_MEMORY.search("".join(traceback.format_exception(error))):
+            return "out of memory: a package cannot be loaded"
     if isinstance(error, MemoryError):
         return f"out of memory{f': {error}' if str(error) else ''}"
     if isinstance(error, OSError) and error.filename and error.strerror:

@@ -48,7 +48,7 @@ class Progress:
         now = time.monotonic()
         if self._first is None:
             self._first, self._logged = (now, done), now
-        if now - self._logged < LOGGED_EVERY or total <= 0:
+        if now - self._logged < LOGGED_EVERY or done >= total:
             return
         self._logged = now
         start, begun = self._first

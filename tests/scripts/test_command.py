@@ -7,7 +7,7 @@ import sys
 import pytest
 from repository import ENVIRONMENT, REPOSITORY
 
-from scripts.command import Summary, run_verb, with_flags
+from scripts.command import Summary, describe_error, run_verb, with_flags
 from scripts.generate import main
 from twin.errors import MissingExtraError
 
@@ -72,3 +72,10 @@ def test_a_parameter_of_the_sensor_is_shown_as_its_flag():
     line = "sensor zero_deg = nan: must be from -180 to 180"
     assert with_flags(line, Run()) == "--sensor-zero-deg nan: must be from -180 to 180"
     assert with_flags(line, Nothing()) == line  # of a preset's file
+
+
+def test_a_library_that_does_not_fit_into_memory_is_no_fault_of_the_program():
+    error = ImportError("IMPORTANT: PLEASE READ THIS FOR ADVICE")
+    error.__cause__ = ImportError("libopenblas.so: failed to map segment from shared object")
+    assert describe_error(error) == "out of memory: a package cannot be loaded"
+    assert "a fault of the program" in describe_error(ImportError("libopenblas.so: no such file"))
