@@ -59,7 +59,6 @@ def test_a_mistake_is_exit_status_2_and_leaves_nothing(tmp_path, line, fault):
 
 @pytest.mark.slow
 @pytest.mark.skipif(RELEASED not in os.environ, reason=f"{RELEASED} names no trained file")
-@pytest.mark.xfail(reason="the bars of the gate refuse it: no go is shown for any trained file yet")
 def test_go_for_the_released_policy():
     preset, ranges = twins()
     logs = logs_on(preset, (-2.0, 3.0), seconds=30.0)
