@@ -228,7 +228,7 @@ def coverage_figure(check: Check) -> Figure:
     axes.set_xticks(range(len(noises)), [name.replace(", ", "\n") for name in noises])
     axes.set_xlim(-0.5, len(noises) - 0.45)
     axes.set_ylabel("truth in the interval [%]")
-    axes.legend(frameon=False, fontsize=8.5, loc="lower left", ncols=3)
+    drawn.legend(frameon=False, fontsize=8.5, loc="outside upper left", ncols=3)
     return drawn
 
 
