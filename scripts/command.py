@@ -24,6 +24,7 @@ from concurrent.futures import BrokenExecutor
 from types import FrameType
 from typing import Any, TextIO, TypeVar
 
+from scripts.help_text import with_readable_help
 from scripts.outputs import keep_folders, remove_empty_folders
 from scripts.progress import Progress
 from twin.errors import InputError, MissingExtraError, missing_extra
@@ -144,6 +145,8 @@ def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] |
     if not all(word.strip() for word in (sys.argv[1:] if argv is None else argv)):
         complain(f"{name}: an argument is empty: is a variable not set?")
         return None
+    if isinstance(arguments, type):
+        with_readable_help(arguments)
     printed = io.StringIO()
     try:
         with contextlib.redirect_stderr(printed):

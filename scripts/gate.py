@@ -43,7 +43,7 @@ class Gate(Options):
     sensor_lag_s: float | None = None
     """Age of its readings when they arrive [s]; that of the preset, if not given."""
     quick: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Less of everything, for a first look; the page says so."""
+    """Less of everything, for a first look; the page states it."""
     seed: int = 0
     """Of everything that is drawn."""
 

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 class Generate(Options):
     """Simulate episodes of an endoscope into a folder of MCAP files and a dataset.json.
 
-    Run again, it makes only what is missing or damaged. Flags of the recipe go before what its file says.
+    Run again, it makes only what is missing or damaged. Flags override the recipe file.
     """
 
     recipe: Annotated[Path | None, tyro.conf.Positional] = None
-    """A YAML file that says what to make (docs/dataset.md); without it, the flags and their defaults do."""
+    """Recipe in YAML (docs/dataset.md); without it, the flags and their defaults."""
     out: Path | None = None
     """Folder to write into."""
     preset: str | None = None
@@ -71,7 +71,7 @@ class Generate(Options):
     sample_time: float | None = None
     """Time between two samples [s]; 0.02, if not given."""
     sensor_variance: float | None = None
-    """Variance of noise that /measurement gets besides the preset's sensor [deg^2]; 0.1, if not given."""
+    """Variance of the noise on /measurement, added to the preset's [deg^2]; 0.1, if not given."""
     sensor: Literal["angle", "stereo"] | None = None
     """angle, of the preset; or stereo: /measurement from the pictures of two cameras (docs/vision.md)."""
     stereo: tuple[str, ...] = ()

@@ -23,13 +23,13 @@ class Import(SeedIgnored):
     """Folder to write into; other measured logs in it stay. With --look: a PNG file, for the loop."""
     look: bool = False
     """Import nothing: show the columns, what they seem to be, and the command that imports the file."""
-    command_column: Annotated[str, tyro.conf.arg(aliases=["--command-topic"])] = "command_deg"
+    command_column: Annotated[str, tyro.conf.arg(metavar="NAME", aliases=["--command-topic"])] = "command_deg"
     """Command of the drive: an angle of the pulley, or a pulling distance."""
     command_unit: Literal["deg", "rad", "mm", "m"] | None = None
     """Its unit, if the column's name does not end in it."""
     pulley_radius_mm: float = 10.0
     """An angle of the pulley becomes a pulling distance by this; kept in the metadata, to undo it."""
-    angle_column: Annotated[str, tyro.conf.arg(aliases=["--angle-topic"])] = "angle_deg"
+    angle_column: Annotated[str, tyro.conf.arg(metavar="NAME", aliases=["--angle-topic"])] = "angle_deg"
     """Measured bending angle; a row may lack it, as where a sensor dropped out."""
     angle_unit: Literal["deg", "rad"] | None = None
     """Its unit, if the column's name does not end in it."""

@@ -42,7 +42,7 @@ ORIGINS = (
     "https://lichtblick-suite.github.io",
     "file://",  # of their programs for the desktop
 )
-"""Pages that may watch, besides those of this machine."""
+"""Pages that may watch, in addition to those of this machine."""
 BACKLOG = 1024  # messages that wait for one viewer, of all topics; the oldest give way to new ones
 _MESSAGE = struct.Struct("<BIQ")  # 1 for a message, number of the subscription, log time [ns]
 _LARGEST_NUMBER = 2**32 - 1  # of a subscription

@@ -81,7 +81,7 @@ class Run:
     live_port: int = 8765
     """Port for viewers; 0 for a free one."""
     live_origin: tuple[str, ...] = ()
-    """Web pages that may watch, as https://lab.example, besides those of this machine and of Foxglove and
+    """Web pages that may watch, as https://lab.example, in addition to those of this machine, of Foxglove and
     Lichtblick."""
     json: bool = False
     """Print the summary as one JSON object; live, on stderr, as stdout is the stream."""

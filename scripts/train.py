@@ -46,7 +46,9 @@ class Train(Options):
     """Folders of MCAP files, or files; none for --protocol twins."""
     model: Path | None = None
     """coleman_hodgdon.json of the reference model; none for --protocol twins."""
-    agent: Annotated[str, tyro.conf.arg(help_behavior_hint=agents_in_words)] = TrainingOptions().agent
+    agent: Annotated[str, tyro.conf.arg(metavar="NAME", help_behavior_hint=agents_in_words)] = (
+        TrainingOptions().agent
+    )
     """Learned method."""
     protocol: Literal["strict", "free", "twins"] = "strict"
     """strict: on records under Gaussian noise of R = 0.1 alone, as in the paper; free: as given;

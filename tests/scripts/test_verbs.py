@@ -11,6 +11,7 @@ from repository import REPOSITORY, endotwin
 from typed import done, typed
 from workspace import EVALUATE, POLICIES
 
+from scripts.__main__ import VERBS
 from twin.measured.folder import write_measured
 from twin.measured.log import read_measured_log
 from twin.preset.file import load_preset
@@ -230,3 +231,12 @@ def test_a_mistake_is_one_line_exit_code_2_and_nothing_half_written(mistakes, li
     assert "Traceback" not in said
     left = [folder / f"x{ending}" for ending in ("", ".json", ".png", ".gif", ".mp4", ".html")]
     assert not [path for path in left if path.is_file() or (path.is_dir() and any(path.iterdir()))]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_names_values_in_plain_words(verb, tmp_path):
+    code, out, _ = typed(f"{verb} --help", tmp_path)
+    assert code == 0
+    assert "None" not in out
+    assert not {"STR", "PATH|", "FLOAT", "INT"} & set(out.split())
+    assert "--no-json" not in out

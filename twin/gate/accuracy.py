@@ -83,10 +83,10 @@ def _compared(trials: Sequence[PairedTrial], material: GateMaterial, what: str) 
     judged, scope = [row for row in rows if row["of"] != "log"], "under every noise"
     if isinstance(trials[0].units[0], str):
         # A few logs show little under one noise: all noises together decide, and no noise may be shown worse.
-        together = (
+        squares, rival = (
             np.concatenate([getattr(of, name) for of in trials], axis=1) for name in ("squares", "rival")
         )
-        rows.append(_row("noise", ALL_NOISES, *together, rng))
+        rows.append(_row("noise", ALL_NOISES, squares, rival, rng))
         judged = [rows[-1], *(row for row in judged if row["low_deg"] > 0)]
         scope = "over all noises"
     worst = max(judged, key=lambda row: row["relative_high"])
