@@ -85,10 +85,10 @@ class RecurrentStep(torch.nn.Module):
         """Return the (B,) noise, and the memory after it."""
         values = torch.stack(list(seen), dim=1) / self.network.input_scale
         if isinstance(self.cell, torch.nn.LSTMCell):
-            says, cell = self.cell(values, hidden.chunk(2, dim=1))
-            return self.network.readout(says), torch.cat([says, cell], dim=1)
-        says = self.cell(values, hidden)
-        return self.network.readout(says), says
+            output, cell = self.cell(values, hidden.chunk(2, dim=1))
+            return self.network.readout(output), torch.cat([output, cell], dim=1)
+        output = self.cell(values, hidden)
+        return self.network.readout(output), output
 
     @property
     def state(self) -> dict[str, tuple[int, ...]]:

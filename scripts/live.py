@@ -252,7 +252,7 @@ class LiveViewer:
         return json.dumps(info), json.dumps({"op": "advertise", "channels": channels})
 
     def _subscribe(self, viewer: _Viewer, text: str | bytes) -> None:
-        """Take what a viewer says; what is no subscription is ignored."""
+        """Take a viewer's message; only subscriptions count."""
         with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError, OverflowError):
             said = json.loads(text)
             if said["op"] == "subscribe":

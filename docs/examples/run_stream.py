@@ -12,7 +12,7 @@ import random
 import subprocess
 import sys
 
-SAMPLE_TIME = 0.1  # [s], that of the training unless --sample-time says another
+SAMPLE_TIME = 0.1  # [s], that of the training unless --sample-time states another
 
 
 def main() -> int:

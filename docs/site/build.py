@@ -31,7 +31,7 @@ NOT_PAGES = {"site", "tutorials"}
 
 
 def gather(folder: Path) -> None:
-    """Write all pages, and the files that they show or link to, into a folder that is made anew."""
+    """Write all pages, and the files that they show or link to, into a new folder."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     documents = REPOSITORY / "docs"

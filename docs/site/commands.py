@@ -18,8 +18,8 @@ def page() -> str:
     """Return the page."""
     parts = [
         "# Commands",
-        "`endotwin VERB --help` says the same. Verbs that draw random numbers take `--seed`; `--json` makes "
-        "every verb print its summary as one JSON object. [Files](../files.md) says what commands read, "
+        "`endotwin VERB --help` prints the same. Verbs that draw random numbers take `--seed`. With `--json` "
+        "a verb prints its summary as one JSON object. [Files](../files.md) states what commands read, "
         "write and refuse.",
         "| verb | purpose |\n|---|---|\n"
         + "\n".join(f"| [`{verb}`](#{verb}) | {purpose} |" for verb, purpose in VERBS.items()),
@@ -34,7 +34,7 @@ def _verb(verb: str) -> str:
         for value in vars(module).values()
         if dataclasses.is_dataclass(value) and isinstance(value, type) and value.__module__ == module.__name__
     )
-    told = _strings(options)
+    texts = _strings(options)
     rows = ["| option | if not given | what |", "|---|---|---|"]
     usage = [f"endotwin {verb}"]
     for field in dataclasses.fields(options):
@@ -42,7 +42,7 @@ def _verb(verb: str) -> str:
         name = field.name.upper() if positional else f"--{field.name.replace('_', '-')}"
         if positional:
             usage.append(name)
-        rows.append(f"| `{name}` | {_default(field)} | {_cell(told.get(field.name, ''))} |")
+        rows.append(f"| `{name}` | {_default(field)} | {_cell(texts.get(field.name, ''))} |")
     text = inspect.cleandoc(options.__doc__ or "")
     return f"## {verb}\n\n{text}\n\n```text\n{' '.join(usage)} [options]\n```\n\n" + "\n".join(rows)
 

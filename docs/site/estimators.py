@@ -1,4 +1,4 @@
-"""The estimators, a page each, from the method table: what each is told, its equations, code and figures."""
+"""The estimators, a page each, from the method table: what each knows, its equations, code and figures."""
 
 import csv
 import functools
@@ -51,8 +51,8 @@ def _index(specs: list[MethodSpec]) -> str:
     ]
     return (
         "# Estimators\n\nEvery method that `endotwin evaluate` compares, in the order of tables. "
-        "*Knows*: what it is given (below). [How the angle is estimated](../method.md) says what "
-        "each is fitted on; [the full benchmark](../results/benchmark.md) says what it reaches.\n\n"
+        "*Knows*: what it is given (below). [How the angle is estimated](../method.md) states what "
+        "each is fitted on; [the full benchmark](../results/benchmark.md) has its errors.\n\n"
         "| method | family | knows | trained by |\n|---|---|---|---|\n"
         + "\n".join(rows)
         + "\n\n"

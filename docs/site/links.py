@@ -35,9 +35,9 @@ def write_page(text: str, source: Path, target: Path, folder: Path, at_root: Map
         return f"{found[1]}{os.path.relpath(place, target.parent)}{mark}{anchor}{found[3]}"
 
     parts = _FENCE.split(text)
-    told = "".join(part if number % 2 else _LINK.sub(moved, part) for number, part in enumerate(parts))
+    linked = "".join(part if number % 2 else _LINK.sub(moved, part) for number, part in enumerate(parts))
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(with_math(told))
+    target.write_text(with_math(linked))
 
 
 def _place(path: Path, folder: Path, at_root: Mapping[str, str]) -> Path:

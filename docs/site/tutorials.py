@@ -1,7 +1,7 @@
 """Tutorials: scripts of docs/tutorials, which Jupytext opens as notebooks, run, and turned into pages.
 
 What a cell prints stands below it in lines that begin with `# >`. `python docs/site/tutorials.py` runs all of
-them in a folder that is thrown away, and writes these lines anew.
+them in a folder that is thrown away, and writes these lines again.
 """
 
 import contextlib
@@ -49,15 +49,15 @@ def split(source: str) -> tuple[str, list[str]]:
 
 
 def run(path: Path) -> list[tuple[list[str], list[str]]]:
-    """Run a tutorial in the working folder; returns the lines that each cell says and that it printed."""
+    """Run a tutorial in the working folder; returns the lines that each cell states and that it printed."""
     module = types.ModuleType("tutorial")
     sys.modules[module.__name__] = module  # dataclasses look their module up
     found = []
     try:
         for cell in jupytext.read(path).cells:
             if cell.cell_type == "code":
-                code, told = split(cell.source)
-                found.append((told, _printed(code, vars(module), path)))
+                code, stated = split(cell.source)
+                found.append((stated, _printed(code, vars(module), path)))
     finally:
         del sys.modules[module.__name__]
     return found

@@ -32,8 +32,8 @@ def pair() -> Figure:
     poor = StereoRig(blur_px=1.1, exposure_s=0.06, pixel_noise=6.0, rolling_shutter_s=0.03, brightness=0.8)
     figure = Figure(figsize=(7.2, 5.5), layout="constrained")
     panels = figure.subplots(2, 2)
-    told = ("usual settings", "a poor camera, in motion")
-    for rig, speed, row, what in zip((StereoRig(), poor), (0.0, 120.0), panels, told, strict=True):
+    labels = ("usual settings", "a poor camera, in motion")
+    for rig, speed, row, what in zip((StereoRig(), poor), (0.0, 120.0), panels, labels, strict=True):
         record = _poses(np.array([48.0, 48.0 + speed / 10, 48.0 + speed / 5]))
         _, pictures = list(StereoSensor(PRESET, rig).pictures(record, SEED))[1]
         for axes, picture, side in zip(row, pictures, ("left", "right"), strict=True):

@@ -16,7 +16,7 @@
 # # A dataset in ten minutes
 #
 # You will make a small dataset of simulated episodes, look into it, and write it in the form of LeRobot. The episodes are short here, so
-# that the page runs in seconds; the last section says how to make hours of it.
+# that the page runs in seconds; the last section shows how to make hours of it.
 
 # %%
 from concurrent.futures import ThreadPoolExecutor
@@ -28,7 +28,7 @@ import twin
 # %% [markdown]
 # ## Say what you want
 #
-# A recipe says which endoscope, how far its wires are pulled, and for how long. Everything else has a sensible value.
+# A recipe states the endoscope, how far its wires are pulled, and for how long. Everything else has a sensible value.
 
 # %%
 recipe = twin.Recipe(
@@ -77,7 +77,7 @@ for episode in episodes:
 # > random-steps: 2.4 to 3.0 mm bend the tip by 1 deg
 
 # %% [markdown]
-# An episode holds the truth beside what a sensor saw: here the angle at one pull, on the way there and on the way back.
+# An episode contains the truth and what a sensor measured: here the angle at one pull, on the way there and on the way back.
 
 # %%
 loop = episodes[0]

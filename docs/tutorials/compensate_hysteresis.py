@@ -51,7 +51,7 @@ print(f"straight line: {rmse(follow(line)):.1f} deg RMSE")
 # %% [markdown]
 # ## The inverse of a twin
 #
-# The reduced twin says which pull brings a wanted bend at the next sample. It keeps its friction in its state, and so it knows which way the tip came: at each
+# The reduced twin determines the pull that brings a wanted bend at the next sample. It keeps its friction in its state, and so it knows which way the tip came: at each
 # reversal it pulls on quickly, until friction has turned round everywhere in the sheath.
 
 # %%

@@ -27,7 +27,7 @@ from twin.estimation.estimator import Estimator
 # %% [markdown]
 # ## A complementary filter
 #
-# The model of hysteresis says by how much the angle moves; the measurement says where it is. A constant share of their difference is taken each sample:
+# The model of hysteresis predicts by how much the angle moves; the measurement shows where it is. A constant share of their difference is taken each sample:
 #
 # $$\theta_k = F(\theta_{k-1}, l_k, l_{k-1}) + g\,(y_k - F(\theta_{k-1}, l_k, l_{k-1}))$$
 #

@@ -39,7 +39,7 @@ print(environment.observation_space.shape, environment.action_space.shape)
 # %% [markdown]
 # ## An agent file
 #
-# A Python file says what learns: an algorithm of stable-baselines3 or sb3-contrib, or a module of torch that you have trained. `wrap` may change the reward by any wrapper of Gymnasium, and the observation by a module, which is deployed with the policy.
+# A Python file defines what learns: an algorithm of stable-baselines3 or sb3-contrib, or a module of torch that you have trained. `wrap` may change the reward by any wrapper of Gymnasium, and the observation by a module, which is deployed with the policy.
 
 # %%
 Path("my_agent.py").write_text("""

@@ -98,7 +98,7 @@ endotwin(
 # endotwin gate runs/ram_twins/policy.onnx data/measured --preset preset.yaml --out gate.html
 # ```
 #
-# Of an estimator that has hardly been trained it says no-go.
+# For an estimator that has hardly been trained it returns no-go.
 #
 # ## Run
 #

@@ -1,4 +1,4 @@
-"""Schemas of what a trained file says of itself."""
+"""Schemas of the description in a trained file."""
 
 from typing import Annotated, Any
 

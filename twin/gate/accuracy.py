@@ -64,7 +64,7 @@ def on_logs(material: GateMaterial) -> Check:
     kind = "measured" if any(log.is_measured for log in material.logs) else "true"
     notes = [f"Noise is drawn on the {kind} angles of the logs, which count as the truth."]
     if len(material.logs) < 5:
-        notes.append(f"With {len(material.logs)} of them the interval says little about other logs.")
+        notes.append(f"With {len(material.logs)} of them the interval shows little about other logs.")
     return check.model_copy(update={"notes": (*check.notes, *notes)})
 
 

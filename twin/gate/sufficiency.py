@@ -68,7 +68,7 @@ def zero_of_logs(material: GateMaterial) -> Check:
 @declare(
     "the twin reproduces the logs",
     TWIN,
-    "Calibrate the preset on these logs, and train again on it: evidence on its twins says little about this "
+    "Calibrate the preset on these logs, and train again on it: evidence on its twins shows little about this "
     "endoscope.",
     2,
 )

@@ -19,7 +19,7 @@ WAIT_SECONDS = 60.0  # longest time that an import waits for another one into th
 _WINDOW = "_window_{:04}"
 """Ending of the name of a window's file: its number, so that names are in the order of windows."""
 
-_KEYS_OF_ORIGIN = ("file", "file_sha256")  # metadata that says which CSV file a log was read from
+_KEYS_OF_ORIGIN = ("file", "file_sha256")  # metadata: the CSV file that a log was read from
 Entry = dict[str, Any]
 """Entry of one file in `dataset.json`, as `twin.files.dataset_json.MeasuredFile` describes it."""
 

@@ -260,7 +260,7 @@ def varint_sizes(values: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def varints(values: NDArray[np.int64], size: int) -> Bytes:
     """Encode numbers as varints of `size` bytes each, (n, size)."""
-    # The lowest digits come first; the top bit says that another byte follows.
+    # The lowest digits come first; the top bit marks that another byte follows.
     digits = values[:, None] >> (_DIGIT * np.arange(size)) & 0x7F
     digits[:, :-1] |= 0x80
     return digits.astype(np.uint8)

@@ -204,7 +204,7 @@ class Members:
             for pull in np.unique(pull_mm[mine]):
                 self._twins.restore_state(state)
                 bend = np.degrees(self._twins.step(pull * 1e-3, sheath_bend=sheath, periods=max(periods, 1)))
-                # A member that found no equilibrium says nothing: the step is refused, not believed.
+                # A member without equilibrium has no angle: the step is refused.
                 bends.append(np.where(self._twins.converged, bend, np.nan))
                 command[mine[pull_mm[mine] == pull]] = len(states)
                 states.append(self._twins.save_state() if periods else state)

@@ -1,7 +1,7 @@
 """RAM (twins): eq. 10 on an active model that predicts by reduced twins, with a classifier of the noise.
 
 The M twins of the trained file follow the command; the complete step of filters, noise classifier and policy
-is the graph of the file, the very one that was trained (`rl/twins/step.py` says what it does). No MuJoCo, no
+is the graph of the file, the very one that was trained (defined in `rl/twins/step.py`). No MuJoCo, no
 torch.
 
 A session starts from rest, or with an unknown history: then the members come to the first pull each by a path

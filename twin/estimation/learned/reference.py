@@ -1,7 +1,7 @@
 """Reference steps in a trained file: inputs, and what the trained network itself said of them.
 
 `rl.export` writes them, computed by torch; here the deployed graph is run on the same inputs. A graph that
-was changed or damaged, or that was exported wrong, says something else.
+was changed or damaged, or that was exported wrong, returns something else.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -30,7 +30,7 @@ SAMPLE_TIME = 0.1  # the paper's [s]
 LEAST_VARIANCE = 1e-6  # R [deg^2] below which a graph is given this: it divides by sqrt(R)
 UNKNOWN_DEG = 180.0  # half of the interval before anything is measured [deg]
 PARTS, START = "parts", "start"
-"""Input that says which parts act; key of the numbers of a state that are not zero at the start."""
+"""Input that selects the parts that act; key of the numbers of a state that are not zero at the start."""
 ALL_PARTS, FILTER_ALONE = (1.0, 1.0), (0.0, 0.0)
 """Parts of a graph that act, 1 or 0: the policy, and the noise classifier where there is one."""
 _MEASURED = ("measurement_deg", "reference_deg", "variance", "zero_deviation_deg", "sample_time")

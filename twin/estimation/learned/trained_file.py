@@ -26,7 +26,7 @@ PRECISIONS: dict[str, type[np.floating[Any]]] = {"tensor(float)": np.float32, "t
 
 @dataclasses.dataclass(frozen=True)
 class TrainedFile:
-    """An ONNX session and what the file says of itself."""
+    """An ONNX session and the description in its file."""
 
     session: Any  # of ONNX Runtime, on one thread
     agent: str  # word that it was trained under
