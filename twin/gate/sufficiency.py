@@ -68,8 +68,8 @@ def zero_of_logs(material: GateMaterial) -> Check:
 @declare(
     "the twin reproduces the logs",
     TWIN,
-    "Calibrate the preset on these logs, and train again on it: evidence on its twins shows little about this "
-    "endoscope.",
+    "Calibrate the preset on these logs, and train again on it: evidence on its twins shows little about "
+    "this endoscope.",
     2,
 )
 def twin_of_logs(material: GateMaterial) -> Check:
