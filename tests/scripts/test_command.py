@@ -74,7 +74,8 @@ def test_a_parameter_of_the_sensor_is_shown_as_its_flag():
     assert with_flags(line, Nothing()) == line  # of a preset's file
 
 
-def test_a_library_that_does_not_fit_into_memory_is_no_fault_of_the_program():
+def test_a_library_that_does_not_fit_into_memory_is_no_fault_of_the_program(monkeypatch):
+    monkeypatch.setattr("twin.files.program._RUN", {})  # of other tests
     error = ImportError("IMPORTANT: PLEASE READ THIS FOR ADVICE")
     error.__cause__ = ImportError("libopenblas.so: failed to map segment from shared object")
     assert describe_error(error) == "out of memory: a package cannot be loaded"
