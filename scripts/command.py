@@ -18,13 +18,12 @@ import signal
 import sys
 import threading
 import traceback
-import typing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from types import FrameType
 from typing import Any, TextIO, TypeVar
 
-from scripts.help_text import with_readable_help
+from scripts.help_text import is_positional, with_readable_help
 from scripts.outputs import keep_folders, remove_empty_folders
 from scripts.progress import Progress
 from twin.errors import InputError, MissingExtraError, missing_extra
@@ -196,16 +195,13 @@ def command_line(verb: str, args: Any) -> str:
 
     Options that no result depends on are left out.
     """
-    import tyro
-
     positional: list[str] = []
     flags: list[str] = []
-    marker = typing.get_args(tyro.conf.Positional[int])[1]
     for field in dataclasses.fields(args):
         value = getattr(args, field.name)
         if field.name in ("out", "workers", "dask", "json") or value is None:
             continue
-        if marker in typing.get_args(field.type)[1:]:
+        if is_positional(field.type):
             positional += _words(value)
         elif field.name == "seed" or value != field.default:
             flag = f"--{field.name.replace('_', '-')}"

@@ -1,4 +1,4 @@
-"""Help of a verb: plain names for the values of options, and only defaults that say something."""
+"""Help of a verb: plain names for the values of options, and no default that is empty."""
 
 import dataclasses
 import types
@@ -15,6 +15,13 @@ NAMED |= {"speed": "MM/S", "size": "WIDTH HEIGHT", "preset": "NAME"}
 """Name of the values of an option by its name."""
 
 
+def is_positional(hint: Any) -> bool:
+    """Return whether the annotation of an option makes it a positional argument."""
+    import tyro
+
+    return typing.get_args(tyro.conf.Positional[int])[1] in typing.get_args(hint)[1:]
+
+
 def with_readable_help(options: type) -> None:
     """Annotate the fields of a dataclass of options for tyro, once."""
     import tyro
@@ -28,16 +35,12 @@ def with_readable_help(options: type) -> None:
             continue
         plain = hint.__origin__ if markers else hint
         metavar = _metavar(field.name, plain) or None
-        if (
-            typing.get_args(tyro.conf.Positional[int])[1] in markers
-            and field.default is not dataclasses.MISSING
-        ):
+        if is_positional(hint) and field.default is not dataclasses.MISSING:
             metavar = f"[{metavar}]"
         arg = tyro.conf.arg(metavar=metavar, help_behavior_hint=_default)
-        shown[field.name] = Annotated[hint, arg]
         if plain is bool and field.default is False:
-            only_on = typing.get_args(tyro.conf.FlagCreatePairsOff[bool])[1]
-            shown[field.name] = Annotated[hint, only_on, arg]
+            hint = Annotated[hint, typing.get_args(tyro.conf.FlagCreatePairsOff[bool])[1]]
+        shown[field.name] = Annotated[hint, arg]
     options.__annotations__ = {**vars(options).get("__annotations__", {}), **shown}
 
 

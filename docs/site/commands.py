@@ -3,15 +3,11 @@
 import dataclasses
 import importlib
 import inspect
-import typing
 from typing import Any
-
-import tyro
 
 from scripts.__main__ import VERBS
 from scripts.command import MODULES
-
-_POSITIONAL = typing.get_args(tyro.conf.Positional[int])[1]
+from scripts.help_text import is_positional
 
 
 def page() -> str:
@@ -38,7 +34,7 @@ def _verb(verb: str) -> str:
     rows = ["| option | if not given | what |", "|---|---|---|"]
     usage = [f"endotwin {verb}"]
     for field in dataclasses.fields(options):
-        positional = _POSITIONAL in typing.get_args(field.type)[1:]
+        positional = is_positional(field.type)
         name = field.name.upper() if positional else f"--{field.name.replace('_', '-')}"
         if positional:
             usage.append(name)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twin.estimation.active_model import ActiveModel
 from twin.estimation.estimator import Estimator, Sensor
@@ -21,6 +22,7 @@ from twin.gate.check import ACCURACY, CALIBRATION, GIVE_LOGS, NOTHING, Check, de
 from twin.gate.evidence import OTHER_STREAMS, RIVAL, WIDER, GateMaterial, noisy
 from twin.gate.trial import PairedTrial, compare_paired, mean_interval
 
+Array = NDArray[np.float64]
 BAR = 0.0  # upper end of the difference's interval, relative to the rival: at most 0, it is not worse
 WORTH = -0.03
 """The same of what was learned: an untrained policy is as good as none, and what is worth less can go."""
@@ -72,20 +74,16 @@ def _compared(trials: Sequence[PairedTrial], material: GateMaterial, what: str) 
     """Return the check of a set of trials: by noise over all units, and by kind of unit over all noises."""
     rng = material.resampling
     rows = [_row("noise", noise_label(*of.noise), of.squares, of.rival, rng) for of in trials]
+    squares, rival = _all_noises(trials)
     for unit in dict.fromkeys(trials[0].units):
         mine = [place for place, of in enumerate(trials[0].units) if of == unit]
-        squares = np.concatenate([trial.squares[mine] for trial in trials], axis=1)
-        rival = np.concatenate([trial.rival[mine] for trial in trials], axis=1)
         if isinstance(unit, str):
-            rows.append(_row("log", unit, squares, rival, rng))
+            rows.append(_row("log", unit, squares[mine], rival[mine], rng))
         else:
-            rows.append(_row("stroke", f"[{unit[0]:g}, {unit[1]:g}] mm", squares, rival, rng))
+            rows.append(_row("stroke", f"[{unit[0]:g}, {unit[1]:g}] mm", squares[mine], rival[mine], rng))
     judged, scope = [row for row in rows if row["of"] != "log"], "under every noise"
     if isinstance(trials[0].units[0], str):
         # A few logs show little under one noise: all noises together decide, and no noise may be shown worse.
-        squares, rival = (
-            np.concatenate([getattr(of, name) for of in trials], axis=1) for name in ("squares", "rival")
-        )
         rows.append(_row("noise", ALL_NOISES, squares, rival, rng))
         judged = [rows[-1], *(row for row in judged if row["low_deg"] > 0)]
         scope = "over all noises"
@@ -121,6 +119,12 @@ def _compared(trials: Sequence[PairedTrial], material: GateMaterial, what: str) 
     )
 
 
+def _all_noises(trials: Sequence[PairedTrial]) -> tuple[Array, Array]:
+    """Return the (units, noises and draws) mean square errors of the policy and of its rival [deg^2]."""
+    mine = np.concatenate([trial.squares for trial in trials], axis=1)
+    return mine, np.concatenate([trial.rival for trial in trials], axis=1)
+
+
 def _row(kind: str, what: str, squares: Any, rival: Any, rng: np.random.Generator) -> dict[str, Any]:
     found = compare_paired(squares, rival, rng)
     return {"of": kind, "what": what, **found._asdict(), "relative_high": found.relative_high}
@@ -133,10 +137,7 @@ def learning_helps(material: GateMaterial) -> Check:
     if alone is None:
         return not_shown("nothing is left of this method without what it has learned", NOTHING)
     trials = material.calibrated(alone)
-    squares, rival = (
-        np.concatenate([getattr(trial, of) for trial in trials], axis=1) for of in ("squares", "rival")
-    )
-    found = compare_paired(squares, rival, material.resampling)
+    found = compare_paired(*_all_noises(trials), material.resampling)
     holds = found.relative_high <= WORTH
     said = (
         f"over all noises {found.rmse_deg:.2f} deg with what was learned, {found.rival_deg:.2f} deg without"

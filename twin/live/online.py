@@ -205,10 +205,7 @@ class OnlineEstimator(Generic[State]):
             if self._last_pulled is not None:
                 self._repeat_unpulled(pull_mm, elapsed_s)
             if elapsed_s > 0:
-                share = min(elapsed_s / SPEED_S, 1.0)
-                speed_mm_s = (pull_mm - self.pull_mm) / elapsed_s
-                mean_mm_s = self._mean_speed_mm_s + share * (speed_mm_s - self._mean_speed_mm_s)
-                self._mean_speed_mm_s = min(max(mean_mm_s, -self._speed_mm_s), self._speed_mm_s)
+                self._learn_speed((pull_mm - self.pull_mm) / elapsed_s, elapsed_s)
         travel_mm = abs(pull_mm - self.pull_mm)
         left_s = elapsed_s
         if elapsed_s > self._gap_s or travel_mm > self._jump_mm:
@@ -226,13 +223,20 @@ class OnlineEstimator(Generic[State]):
                 return
             measurement_deg = math.nan
         if unpulled:
-            if self._last_pulled is None and self.state is not None:
+            if self._last_pulled is None:
+                assert self.state is not None
                 self._last_pulled = self.state, self.bend_deg, self.pull_mm
             if len(self._unpulled) <= self._hold:
                 self._unpulled.append((measurement_deg, left_s))
         self._step(pull_mm, measurement_deg, left_s)
         if measurement_deg == measurement_deg and self._bias.is_biased(measurement_deg - self.bend_deg):
             self._restart(pull_mm, self.bend_deg + self._bias.offset_deg, self.state)
+
+    def _learn_speed(self, speed_mm_s: float, elapsed_s: float) -> None:
+        """Take the speed of the latest sample into the mean, within the limit of the drive."""
+        share = min(elapsed_s / SPEED_S, 1.0)
+        mean_mm_s = self._mean_speed_mm_s + share * (speed_mm_s - self._mean_speed_mm_s)
+        self._mean_speed_mm_s = min(max(mean_mm_s, -self._speed_mm_s), self._speed_mm_s)
 
     def _continued_pull(self, elapsed_s: float) -> float:
         """Return a missing pull, which goes on at its mean speed and comes to rest within a second."""
