@@ -18,26 +18,31 @@ MOST = 100_000_000
 
 @dataclasses.dataclass(frozen=True)
 class Benchmark(SeedIgnored):
-    """Measure speed, and physics at full size: JSON and a table."""
+    """Measure speed, and physics at full size: JSON and a table.
+
+    Examples:
+        endotwin benchmark --out benchmark.json
+        endotwin benchmark --only runtime run --out speed.json
+    """
 
     out: Path = Path("benchmark.json")
     """File to write; a table of the same name ends in .md."""
     preset: str = "ureteroscope"
     """Endoscope to measure."""
     amplitude: float = 4.0
-    """Of the commands [mm]."""
+    """Amplitude of the commands [mm]."""
     only: tuple[str, ...] = ()
-    """Names of measurements; if not given, all."""
+    """Names of the measurements; if not given, all."""
     cycles: int = 1000
     """Random closed cycles."""
     draws: int = 10_000
     """Endoscopes drawn from the randomisation ranges."""
     known: int = 20
-    """Known endoscopes that are calibrated on logs of their own."""
+    """Known endoscopes that are each calibrated on their own logs."""
     episodes: int = 64
-    """Of 60 s, of the dataset that is made, weighed and read."""
+    """Episodes of 60 s in the dataset that is written, measured and read."""
     many_episodes: int = 1000
-    """Of 10 s, while the memory is watched."""
+    """Episodes of 10 s for the measurement of memory."""
 
 
 def benchmark(args: Benchmark) -> Summary:

@@ -19,7 +19,11 @@ class Calibrate(Options):
     """Fit the physical parameters of a preset to logs, several bends of the sheath at once.
 
     Writes the preset, with NAME_fit.json (errors on each log, uncertainty of each parameter) and
-    NAME_fit.png. An interrupted calibration goes on where it was when the same command runs again.
+    NAME_fit.png. The same command continues an interrupted calibration.
+
+    Examples:
+        endotwin calibrate data/measured --preset ureteroscope --out preset.yaml
+        endotwin calibrate data/measured_000 data/measured_090 --out rig.yaml
     """
 
     data: tyro.conf.Positional[tuple[Path, ...]]
@@ -27,23 +31,23 @@ class Calibrate(Options):
     out: Path = Path("preset.yaml")
     """Preset to write."""
     predict: tuple[Path, ...] = ()
-    """Logs that are not fitted, but predicted and reported: how far the fit carries."""
+    """Logs that are not fitted but predicted: the report states the errors."""
     preset: str = "vio_com"
-    """Preset that gives everything that is not fitted; what is fitted starts from what the logs show."""
+    """Preset with the parameters that are not fitted; fitted ones start from estimates out of the logs."""
     set: tuple[str, ...] = ()
-    """Change parameters of that preset: NAME=VALUE ..., in its SI units."""
+    """Change parameters of that preset, in SI units."""
     free: tuple[str, ...] = ()
     """Parameters to fit; if not given, those that the logs can determine."""
     starts: int = 12
-    """Starts of the search; with more of them a better valley may be found."""
+    """Starts of the search; more of them may find a better optimum."""
     fraction: float = 1.0
-    """Share of each log, from its start, that is fitted; the rest is predicted. Of a file of windows (`import
-    --window-column`), the share of its windows, from the first."""
+    """Share of each log, from its start, that is fitted; the rest is predicted. For a file of windows
+    (`import --window-column`), the share of its windows."""
     pace: float | None = None
     """Play the logs this many times faster than recorded; a log of phases has a pace of its own."""
     sample_time: float | None = None
-    """Time between two samples that are compared [s]; if not given, some 900 samples of all logs are; of
-    poses taken seldom, four times as many as there are."""
+    """Time between two samples that are compared [s]; if not given, about 900 samples of all logs are
+    compared, or four times the number of samples of a sparse log."""
     rivals: tuple[Literal["coleman-hodgdon", "bouc-wen", "prandtl-ishlinskii"], ...] = (
         "coleman-hodgdon",
         "prandtl-ishlinskii",
@@ -51,6 +55,7 @@ class Calibrate(Options):
     """Models without physics that are fitted to the same part of each log, for comparison; bouc-wen takes
     some seconds for each bend of the sheath."""
     seed: int = 0
+    """Seed of the search."""
 
 
 def run_calibration(args: Calibrate) -> Summary:

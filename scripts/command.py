@@ -23,7 +23,7 @@ from concurrent.futures import BrokenExecutor
 from types import FrameType
 from typing import Any, TextIO, TypeVar
 
-from scripts.help_text import is_positional, with_readable_help
+from scripts.help_text import help_of, is_positional
 from scripts.outputs import keep_folders, remove_empty_folders
 from scripts.progress import Progress
 from twin.errors import InputError, MissingExtraError, missing_extra
@@ -79,7 +79,7 @@ class SeedIgnored(Options):
     """Options of a verb that draws nothing."""
 
     seed: int = 0
-    """Ignored."""
+    """Without effect: the result does not depend on a seed."""
 
 
 def options_of(settings: type, args: Any) -> dict[str, Any]:
@@ -102,17 +102,23 @@ def compile_once(command: str, preset: Any = None) -> None:
 
 
 def run_verb(
-    arguments: Callable[..., Arguments],
+    arguments: type[Arguments],
     verb: Callable[[Arguments], Summary],
     argv: Sequence[str] | None = None,
 ) -> int:
     """Parse the command line, run a verb and print its summary; returns the exit code."""
+    argv = sys.argv[1:] if argv is None else argv
     module = verb.__module__.rsplit(".", 1)[-1]
     word = next((word for word, name in MODULES.items() if name == module), module)
     name = f"endotwin {word}" if module != "__main__" else sys.argv[0]
     for logger in ("absl", "matplotlib"):  # dm_control repeats what we raise; a cache without a home folder
         logging.getLogger(logger).setLevel(logging.ERROR)
     prepare_streams()
+    if {"-h", "--help"} & {*argv}:
+        if say(help_of(arguments, name)):
+            return 0
+        complain(f"{name}: the help cannot be written: is a disk full?")
+        return MISTAKE
     parsed = _parse(arguments, name, argv)
     if parsed is None:
         return MISTAKE
@@ -137,31 +143,20 @@ def run_verb(
     return summary.code
 
 
-def _parse(arguments: Callable[..., Arguments], name: str, argv: Sequence[str] | None) -> Arguments | None:
+def _parse(arguments: type[Arguments], name: str, argv: Sequence[str]) -> Arguments | None:
     """Parse the command line; after a mistake, print tyro's message as one line and return None."""
     import tyro
 
-    if not all(word.strip() for word in (sys.argv[1:] if argv is None else argv)):
+    if not all(word.strip() for word in argv):
         complain(f"{name}: an argument is empty: is a variable not set?")
         return None
-    if isinstance(arguments, type):
-        with_readable_help(arguments)
     printed = io.StringIO()
     try:
         with contextlib.redirect_stderr(printed):
-            return tyro.cli(arguments, prog=name, args=argv, description=arguments.__doc__)
-    except BrokenPipeError:  # `--help | head`
-        raise SystemExit(0) from None
-    except OSError as error:
-        _discard_stdout()
-        complain(f"{name}: {describe_error(_unwritable(error))}")
-        return None
+            return tyro.cli(arguments, prog=name, args=argv, config=(tyro.conf.FlagCreatePairsOff,))
     except SystemExit as end:
-        if not end.code:
-            if say(""):
-                raise
-            complain(f"{name}: the help cannot be written to standard output")
-            return None
+        if not end.code:  # a script that completes commands in a shell
+            raise
     inside = [line.strip("│╭╰╮╯ ") for line in printed.getvalue().splitlines()[1:]]
     box = itertools.dropwhile(_is_rule, inside)  # lines of dashes where there is no Unicode
     message = " ".join(itertools.takewhile(lambda line: not _is_rule(line), box))

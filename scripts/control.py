@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from scripts.command import Options, Summary, command_line, complain, options_of, run_verb
 from scripts.outputs import output_folder
@@ -25,10 +25,20 @@ PAGE = "control.html"
 class Control(Options):
     """Track reference bends on randomised twins, by feed-forward and by feedback.
 
-    Each controller is tuned with the same number of trials on other twins than are scored, and meets the same
-    twins, references and noise. A stopped comparison goes on with the same command; one of more controllers
-    or conditions keeps what is there.
+    Each controller is tuned with the same number of trials on other twins than are scored, and runs on the
+    same twins, references and noise. The same command continues a stopped comparison; with more controllers
+    or conditions, existing results are kept.
+
+    Examples:
+        endotwin control --controller linear pid --out results/control
+        endotwin control --policy runs/ram_twins/policy.onnx --suite full --out results/control_full
     """
+
+    GROUPS: ClassVar = {
+        "Controllers": "policy",
+        "Conditions": "suite",
+        "Work": "candidates",
+    }
 
     out: Path
     """Folder for control.json, page, table, figures and recordings."""
@@ -41,33 +51,32 @@ class Control(Options):
     controller: tuple[str, ...] = ("all",)
     """Names of the controllers, or all."""
     suite: str = "short"
-    """short: Gaussian noise of 1 deg^2 at 50 Hz; full: also other noises, 10 Hz, a fast reference, a
-    sheath that bends, a contact at the tip, and endoscopes that no training saw."""
+    """short: Gaussian noise of 1 deg^2 at 50 Hz; full: also other noises, 10 Hz, a fast reference, a sheath
+    that bends, a contact at the tip, and endoscopes that no training saw."""
     stroke: tuple[float, float] | None = None
-    """Stroke of the work [mm]: references use the middle 65 % of what it bends. [-1, 1] and [2, 4], if not
-    given."""
+    """Working stroke [mm]: references use the middle 65 % of its bend. [-1, 1] and [2, 4], if not given."""
     margin: float = 1.5
     """Command beyond the stroke to either side, as a share of its width: twins with more friction need it."""
     twins: int = 10
     """Randomised endoscopes that are controlled."""
     seconds: float = 40.0
-    """Length of each reference, behind a hold of 3 s that is not scored."""
+    """Length of each reference [s], after a hold of 3 s that is not scored."""
     speed: float = 5.0
     """Speed limit of command and servo [mm/s]."""
     latency: float = 0.0
     """Delay of the sensor [s]."""
     preview: float = 1.0
-    """Time for which the controllers know their reference ahead [s]; 0 for the next sample alone."""
+    """Time ahead for which controllers know their reference [s]; 0: only the next sample."""
     physics: Literal["mujoco", "reduced"] = "mujoco"
-    """Of the endoscopes that are controlled. Tuning is on reduced ones."""
+    """Physics of the controlled endoscopes. Tuning is on reduced ones."""
     candidates: int = 16
     """Settings that are tried for each controller."""
     workers: int = 0
     """Processes; 0 for one per core. The results do not depend on it."""
     dask: str | None = None
-    """Address of a Dask scheduler, whose workers are taken instead."""
+    """Dask scheduler whose workers compute instead."""
     seed: int = 0
-    """Of everything that is drawn."""
+    """Seed of all random numbers."""
 
 
 def control(args: Control) -> Summary:

@@ -30,20 +30,25 @@ PARTS = ("data", "runs", "results", "coleman_hodgdon.json", "bend.png", "bend.mp
 
 @dataclasses.dataclass(frozen=True)
 class Demo(Options):
-    """Dataset, identification, training, evaluation, pictures and report, each a command that is printed."""
+    """Dataset, identification, training, evaluation, pictures and report, each a command that is printed.
+
+    Examples:
+        endotwin demo --out out/demo
+        endotwin demo --episodes 500 --seconds 30 --out out/short
+    """
 
     out: Path = Path("out/demo")
-    """Run folder; a demo of the same settings that was stopped in it goes on, another one's stays."""
+    """Run folder; a stopped demo of the same settings continues there, results of another one are kept."""
     episodes: int = 2000
-    """Episodes of PPO, the paper's number; a network takes as large a share of its own steps, RAM (twins) a
-    tenth of that."""
+    """Episodes of PPO; the steps of a network scale with them, those of RAM (twins) with a tenth of them."""
     records: int = 5
     """Records of the training set, and as many of the test set: one of each kind of signal."""
     seconds: float = 60.0
-    """Length of a record."""
+    """Length of a record [s]."""
     seeds: int = 20
     """Draws of the noise under test."""
     seed: int = 1
+    """Seed of all random numbers."""
 
 
 def demo(args: Demo) -> Summary:

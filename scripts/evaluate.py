@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rl.comparison.settings import Result, Settings, Suite
 from scripts.command import Summary, command_line, complain, run_verb
@@ -30,7 +30,18 @@ class Evaluate(Settings):
 
     The suite `full` has every estimator here, eleven noises, two sample times and the limit, an ensemble of
     twins. It makes missing records, models and training runs. All is kept; a stopped run continues.
+
+    Examples:
+        endotwin evaluate data/test --train data/train --model coleman_hodgdon.json --methods AM --out results
+        endotwin evaluate data/measured --policy runs/device/policy.onnx --measurements recorded --out results
     """
+
+    GROUPS: ClassVar = {
+        "Methods": "policy",
+        "Measurements": "measurements",
+        "Protocol": "seeds",
+        "Suites full and untrained": "preset",
+    }
 
 
 def evaluate(args: Evaluate) -> Summary:

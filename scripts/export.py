@@ -17,24 +17,28 @@ from scripts.progress import Progress
 class Export(SeedIgnored):
     """Write episodes as a LeRobot dataset (v3.0, Parquet), as CSV tables, or as MCAP files.
 
-    The folder appears when all is written. Each file is named after its record; where records of several
-    folders have the same name, all are named after their folders too: run_a/episode_0000.mcap becomes
+    The folder appears when everything is written. Each file is named after its record; if records of several
+    folders have the same name, all names start with that of the folder: run_a/episode_0000.mcap becomes
     run_a_episode_0000.
+
+    Examples:
+        endotwin export data/train --format parquet --out lerobot
+        endotwin export data/train --format csv --columns all --out tables
     """
 
     data: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of MCAP files, or files."""
     out: Path
-    """Folder to make; one that is there must be empty."""
+    """Folder to write; an existing one must be empty."""
     format: Literal["parquet", "csv", "mcap"] = "parquet"
     """parquet is a dataset as LeRobot reads it; it needs endotwin[parquet]."""
     columns: Literal["main", "all"] = "main"
-    """Of a CSV table: command, true angle and tensions, or also the measured angle and the hidden state."""
+    """Columns of CSV. main: command, true angle and tensions; all: also measured angle and hidden state."""
     sample_time: float | None = None
-    """Thin simulated records to this and put measured logs on an even grid of it [s]; if not given, records
-    keep their own samples. MCAP files that are thinned or recovered lose their pictures and estimates."""
+    """Time between two samples [s]: simulated records are thinned to it, measured logs resampled; if not
+    given, records keep their samples. Thinned or recovered MCAP files lose their pictures and estimates."""
     recover: bool = False
-    """Take what is whole of damaged files, and state how much is missing; without it, they are refused."""
+    """Recover the complete part of damaged files, and state how much is missing; else they are refused."""
 
 
 def export(args: Export) -> Summary:

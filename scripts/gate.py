@@ -20,6 +20,10 @@ class Gate(Options):
 
     The policy is run on randomised twins that no training has seen, on your logs, on hostile inputs and on
     streams with faults, next to a tuned filter. A page argues the verdict and lists what was not shown.
+
+    Examples:
+        endotwin gate runs/device/policy.onnx data/measured --preset preset.yaml --out gate.html
+        endotwin gate runs/ram_twins/policy.onnx --preset ureteroscope --quick --out gate.html
     """
 
     policy: tyro.conf.Positional[Path]
@@ -31,21 +35,20 @@ class Gate(Options):
     out: Path = Path("gate.html")
     """Page to write; gate.json is written next to it."""
     sample_time: float | None = None
-    """T [s]; that of the preset's sensor or, if it states none, of the training. What was trained on records
-    runs at that alone."""
+    """T [s]; if not given, that of the preset's sensor or, if it states none, of the training. Methods
+    trained on records run only at the T of their training."""
     stroke: tuple[float, float] | None = None
-    """Pulls that twins are tried on [mm]; those of the training, if not given, else those of the logs."""
+    """Lowest and highest pull of the twins [mm]; if not given, that of the training, else of the logs."""
     sensor_zero_deg: float | None = None
-    """Reading of the logs' sensor where the section is straight [deg]; that of the preset, if not given."""
+    """Reading of the logs' sensor when the section is straight [deg]; that of the preset, if not given."""
     sensor_zero_deviation_deg: float | None = None
-    """Standard deviation of what is known of that zero [deg], 0 where it is calibrated; that of the preset,
-    if not given."""
+    """Standard deviation of that zero [deg], 0 if it is calibrated; that of the preset, if not given."""
     sensor_lag_s: float | None = None
     """Age of its readings when they arrive [s]; that of the preset, if not given."""
-    quick: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Less of everything, for a first look; the page states it."""
+    quick: bool = False
+    """Fewer twins and shorter streams, for a first look; the page states this."""
     seed: int = 0
-    """Of everything that is drawn."""
+    """Seed of all random numbers."""
 
 
 def gate(args: Gate) -> Summary:

@@ -5,7 +5,7 @@ import os
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import tyro
 
@@ -22,8 +22,20 @@ if TYPE_CHECKING:
 class Generate(Options):
     """Simulate episodes of an endoscope into a folder of MCAP files and a dataset.json.
 
-    Run again, it makes only what is missing or damaged. Flags override the recipe file.
+    A second run makes only what is missing or damaged. Flags override the recipe file.
+
+    Examples:
+        endotwin generate --stroke 2 4 --episodes 2 --seconds 30 --seed 1 --out data/train
+        endotwin generate --physics reduced --episodes 64 --out data/bulk
     """
+
+    GROUPS: ClassVar = {
+        "What is simulated": "preset",
+        "How it moves": "stroke",
+        "Recorded command": "command_csv",
+        "What is measured": "sample_time",
+        "Output and work": "format",
+    }
 
     recipe: Annotated[Path | None, tyro.conf.Positional] = None
     """Recipe in YAML (docs/dataset.md); without it, the flags and their defaults."""
@@ -34,40 +46,39 @@ class Generate(Options):
     fidelity: str | None = None
     """fine, standard or fast: how finely the preset is divided; standard, if not given."""
     set: tuple[str, ...] = ()
-    """Change parameters of the preset: NAME=VALUE ..., in its SI units."""
-    randomize: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Change parameters of the preset, in SI units."""
+    randomize: bool = False
     """Draw the parameters of every episode, other than those set here, from the preset's ranges."""
-    stroke: tuple[float, float] | None = None
-    """Lowest and highest pulling distance [mm]; 2 4, if not given."""
-    lateral_stroke: tuple[float, float] | None = None
-    """The same sideways, for a preset with two bending planes [mm]."""
-    episodes: int | None = None
-    """Number of each seed; if not given, one of each combination, at least 5. Signals are taken in turn."""
-    seconds: float | None = None
-    """Length of each episode; 60, if not given."""
-    signal: str | None = None
-    """sine, decaying-sine, triangle, multi-sine, random-steps, or all of them in turn."""
-    command_csv: Path | None = None
-    """Follow a recorded command instead: a CSV file, as `endotwin import` reads it."""
-    command_column: str | None = None
-    """Of the CSV file: command of wire a; if not given, pull_mm or command_deg, whichever there is."""
-    command_unit: Literal["deg", "rad", "mm", "m"] | None = None
-    """Unit of the command, if its column's name does not end in it; deg and rad are angles of the preset's
-    pulley."""
-    lateral_command_column: str | None = None
-    """Command of wire c, for a preset with two bending planes."""
-    time_column: str | None = None
-    """Time or phase; if not given, time_s or phase_rad, whichever there is."""
-    time_unit: Literal["s", "ms", "us", "rad"] | None = None
-    """Its unit, if the column's name does not end in it; rad for a phase."""
-    seconds_per_cycle: float | None = None
-    """Time that 2 pi of a phase take [s]; 20, if not given."""
     sheath_bend_deg: float | None = None
     """Bend the sheath by this instead of the preset's angle [deg]."""
     sheath_bend_to_deg: float | None = None
     """Bend it further, or less, evenly during each episode, to this angle [deg]."""
     physics: str | None = None
     """mujoco, or reduced: quasi-static, far faster, without gravity; mujoco, if not given."""
+    stroke: tuple[float, float] | None = None
+    """Lowest and highest pulling distance [mm]; 2 4, if not given."""
+    lateral_stroke: tuple[float, float] | None = None
+    """The same for the second bending plane, if the preset has two [mm]."""
+    episodes: int | None = None
+    """Number for each seed; if not given, one of each combination, at least 5. Signals alternate."""
+    seconds: float | None = None
+    """Length of each episode [s]; 60, if not given."""
+    signal: str | None = None
+    """sine, decaying-sine, triangle, multi-sine, random-steps, or all: each in turn."""
+    command_csv: Path | None = None
+    """Follow a recorded command instead: a CSV file, as `endotwin import` reads it."""
+    command_column: str | None = None
+    """Column with the command of wire a; if not given, pull_mm or command_deg, whichever exists."""
+    command_unit: Literal["deg", "rad", "mm", "m"] | None = None
+    """Unit of the command, if its column's name does not end in it; deg and rad: angle of the pulley."""
+    lateral_command_column: str | None = None
+    """Column with the command of wire c, for a preset with two bending planes."""
+    time_column: str | None = None
+    """Column with the time or phase; if not given, time_s or phase_rad, whichever exists."""
+    time_unit: Literal["s", "ms", "us", "rad"] | None = None
+    """Unit of the time, if its column's name does not end in it; rad for a phase."""
+    seconds_per_cycle: float | None = None
+    """Duration of 2 pi of a phase [s]; 20, if not given."""
     sample_time: float | None = None
     """Time between two samples [s]; 0.02, if not given."""
     sensor_variance: float | None = None
@@ -75,21 +86,21 @@ class Generate(Options):
     sensor: Literal["angle", "stereo"] | None = None
     """angle, of the preset; or stereo: /measurement from the pictures of two cameras (docs/vision.md)."""
     stereo: tuple[str, ...] = ()
-    """Change parameters of the two cameras: NAME=VALUE ..., as in method=silhouette blur_px=1.5."""
-    camera: float | None = None
-    """Pictures per second of /camera/image, 320 x 240; none, if not given."""
+    """Change parameters of the two cameras, as in method=silhouette blur_px=1.5."""
+    pictures_per_second: float | None = None
+    """Also record /camera/image, 320 x 240, at this rate [1/s]."""
     format: Literal["mcap", "csv"] = "mcap"
     """csv writes a table next to each MCAP file."""
     workers: int = 0
     """Processes; 0 for one per core. The bytes do not depend on it."""
     dask: str | None = None
-    """Address of a Dask scheduler, whose workers do the work and see --out under the same path."""
+    """Dask scheduler whose workers simulate; they need --out under the same path."""
     verify: bool = False
     """Check the dataset in --out instead: every hash and every number."""
     replay: Path | None = None
     """Simulate this MCAP file again instead, and compare the bytes."""
     seed: int | None = None
-    """0, if not given."""
+    """Seed of all random numbers; 0, if not given."""
 
 
 def generate(args: Generate) -> Summary:
@@ -138,7 +149,7 @@ def _changes(args: Generate) -> dict[str, Any]:
 
     if args.signal not in (None, "all", *SIGNALS):
         raise ValueError(f"unknown signal {args.signal!r}; valid: all, {', '.join(SIGNALS)}")
-    start, end = args.sheath_bend_deg, args.sheath_bend_to_deg
+    start, end, rate = args.sheath_bend_deg, args.sheath_bend_to_deg, args.pictures_per_second
     given = {
         "preset": args.preset,
         "fidelity": args.fidelity,
@@ -153,7 +164,7 @@ def _changes(args: Generate) -> dict[str, Any]:
         "command_csv": _command(args) or None,
         "sheath_bends_deg": None if start is end is None else [start if end is None else (start, end)],
         "sensor": _sensor(args),
-        "camera": None if args.camera is None else {"pictures_per_second": args.camera},
+        "camera": None if rate is None else {"pictures_per_second": rate},
         "seeds": None if args.seed is None else [args.seed],
         "physics": args.physics,
     }

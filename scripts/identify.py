@@ -23,7 +23,12 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Identify(Options):
-    """Fit a model of hysteresis to the measured angle of records."""
+    """Fit a model of hysteresis to the measured angle of records.
+
+    Examples:
+        endotwin identify data/train --out coleman_hodgdon.json
+        endotwin identify data/train --model prandtl-ishlinskii --out plays.json
+    """
 
     data: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of MCAP files, or files."""
@@ -32,11 +37,11 @@ class Identify(Options):
     out: Path | None = None
     """File to write; if not given, named after the model, as coleman_hodgdon.json."""
     sample_time: float = 0.1
-    """Records are thinned to this [s]: the filters that use the model step by it."""
+    """Sample time of the filters that use the model [s]; records are thinned to it."""
     monotone: bool = False
     """Constrain a coleman-hodgdon model to c >= b / 2, so that loops of any size are monotone."""
     thresholds_mm: tuple[float, ...] = ()
-    """Of the plays of a prandtl-ishlinskii model; if not given, eight over the stroke."""
+    """Thresholds of the plays of a prandtl-ishlinskii model [mm]; if not given, eight over the stroke."""
     population: int = 80
     """Candidates of the genetic algorithm; prandtl-ishlinskii needs none."""
     generations: int = 150
@@ -50,6 +55,7 @@ class Identify(Options):
     """Fit a delay of the command with the model: auto does for measured logs with a clock and a command of
     more than one speed."""
     seed: int = 0
+    """Seed of the genetic algorithm."""
 
 
 def identify(args: Identify) -> Summary:

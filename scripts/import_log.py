@@ -4,7 +4,7 @@ import dataclasses
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
@@ -14,62 +14,75 @@ from scripts.outputs import output_file, output_folder
 
 @dataclasses.dataclass(frozen=True)
 class Import(SeedIgnored):
-    """Read a measured log into an MCAP file in the form of simulated records."""
+    """Read a measured log into an MCAP file in the form of simulated records.
+
+    Examples:
+        endotwin import --look bench.csv
+        endotwin import bench.csv --command-column pull_mm --angle-column angle_deg --out data/measured
+    """
+
+    GROUPS: ClassVar = {
+        "Command of the drive": "command_column",
+        "Measured angle": "angle_column",
+        "Time": "time_column",
+        "Other columns": "lateral_command_column",
+        "Several records in one file": "window_column",
+    }
 
     file: tyro.conf.Positional[Path]
-    """Log: text with columns, .npz, .mat, .parquet, .xlsx, a bag of ROS (.bag, .db3, .mcap or its folder) or
-    MCAP of other software. A field of a topic is a column, as /cmd.data."""
+    """Log: text with columns, .npz, .mat, .parquet, .xlsx, a ROS bag (.bag, .db3, .mcap or its folder) or
+    MCAP of other software. A field of a topic is a column, such as /cmd.data."""
     out: Path | None = None
-    """Folder to write into; other measured logs in it stay. With --look: a PNG file, for the loop."""
+    """Folder to write into; other measured logs in it stay. With --look: a PNG file with the loop."""
+    name: str | None = None
+    """Name of the MCAP file without its ending; that of the log, if not given."""
+    no_header: bool = False
+    """The first line holds numbers: columns are named by their numbers, from 1."""
     look: bool = False
-    """Import nothing: show the columns, what they seem to be, and the command that imports the file."""
-    command_column: Annotated[str, tyro.conf.arg(metavar="NAME", aliases=["--command-topic"])] = "command_deg"
-    """Command of the drive: an angle of the pulley, or a pulling distance."""
+    """Import nothing: show the columns, their likely meaning, and the command that imports the file."""
+    command_column: Annotated[str, tyro.conf.arg(aliases=["--command-topic"])] = "command_deg"
+    """Column with the command: an angle of the pulley, or a pulling distance."""
     command_unit: Literal["deg", "rad", "mm", "m"] | None = None
     """Its unit, if the column's name does not end in it."""
-    pulley_radius_mm: float = 10.0
-    """An angle of the pulley becomes a pulling distance by this; kept in the metadata, to undo it."""
-    angle_column: Annotated[str, tyro.conf.arg(metavar="NAME", aliases=["--angle-topic"])] = "angle_deg"
-    """Measured bending angle; a row may lack it, as where a sensor dropped out."""
-    angle_unit: Literal["deg", "rad"] | None = None
-    """Its unit, if the column's name does not end in it."""
     command_scale: float = 1.0
-    """What one count of an encoder is, in units of the command: (count - zero) * scale."""
+    """Size of one count of an encoder, in units of the command: (count - zero) * scale."""
     command_zero: float = 0.0
     """Counts at the command zero."""
+    pulley_radius_mm: float = 10.0
+    """Radius that turns an angle of the pulley into a pulling distance [mm]; kept in the metadata."""
+    angle_column: Annotated[str, tyro.conf.arg(aliases=["--angle-topic"])] = "angle_deg"
+    """Column with the measured bending angle; it may be empty in rows where the sensor dropped out."""
+    angle_unit: Literal["deg", "rad"] | None = None
+    """Its unit, if the column's name does not end in it."""
     unwrap_angle: bool = False
-    """The angle leaves one end of a turn and enters at the other: make it continuous."""
+    """The angle jumps by full turns: make it continuous."""
     reverse_angle: bool = False
     """The sensor counts a bend towards wire a, the pulled one, as negative."""
+    time_column: tuple[str, ...] = ()
+    """Column with time or phase, or two columns whose times are added, such as seconds and nanoseconds; if
+    not given, time_s or phase_rad, whichever exists. Dates with times are read too."""
+    time_unit: Literal["s", "ms", "us", "ns", "rad"] | None = None
+    """Unit of the first, if the column's name does not end in it; rad for a phase."""
+    seconds_per_cycle: float = 20.0
+    """Duration of 2 pi of a phase [s]."""
     lateral_command_column: str | None = None
-    """Command of the second bending plane, of wires c and d, in a log of two; units as those of the first."""
+    """Command of the second bending plane, of wires c and d, in the unit of the first."""
     lateral_angle_column: str | None = None
     """Measured bending angle in that plane."""
     reverse_lateral_angle: bool = False
     """The sensor counts a bend towards wire c as negative."""
-    time_column: tuple[str, ...] = ()
-    """Time or phase, or two columns whose times are added, as of seconds and nanoseconds; if not given,
-    time_s or phase_rad, whichever there is. Dates with times are read too."""
-    time_unit: Literal["s", "ms", "us", "ns", "rad"] | None = None
-    """Unit of the first, if the column's name does not end in it; rad for a phase."""
-    seconds_per_cycle: float = 20.0
-    """Time that 2 pi of a phase take [s]."""
     tension_a_column: str | None = None
-    """Tension of wire a at the pulley [N]; if not given, tension_a_n, where there are it and tension_b_n."""
+    """Tension of wire a at the pulley [N]; if not given, tension_a_n, if it and tension_b_n exist."""
     tension_b_column: str | None = None
     """Tension of wire b at the pulley [N]."""
     sheath_bend_deg: float | None = None
-    """Angle that the sheath was bent by; if not given, the column of that name, where there is one."""
+    """Bending angle of the sheath [deg]; if not given, the column of that name, if it exists."""
     window_column: str | None = None
-    """Column of numbers that change from window to window, of a file of pieces cut from longer records
-    without what came before them; each window becomes an MCAP file of its own, NAME_window_0000 ..."""
+    """The file holds windows cut from longer records: column whose number changes from window to window. Each
+    becomes an MCAP file, NAME_window_0000 ..."""
     split_runs: bool = False
-    """The file holds several runs: another one begins where the time begins again or has a gap; each becomes
-    an MCAP file of its own."""
-    no_header: bool = False
-    """The first line holds numbers: columns are named by their numbers, from 1."""
-    name: str | None = None
-    """Name of the MCAP file without its ending; that of the CSV file if not given."""
+    """The file holds several runs: a new one begins where the time restarts or has a gap. Each becomes an
+    MCAP file."""
 
 
 def import_log(args: Import) -> Summary:

@@ -4,7 +4,7 @@ import dataclasses
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import tyro
 
@@ -25,38 +25,49 @@ class Render(SeedIgnored):
 
     A picture (.png, or .svg and .pdf with vector curves) shows four poses, or one; a film (.mp4, .gif) all of
     them.
+
+    Examples:
+        endotwin render dataset --out bend.png
+        endotwin render data/test --out bend.mp4
     """
+
+    GROUPS: ClassVar = {
+        "What is drawn": "camera",
+        "Picture": "time",
+        "Film": "fps",
+        "Look": "background",
+    }
 
     data: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of MCAP files, or files; several are drawn side by side."""
     out: Path
     """File to write; its ending sets the kind."""
     camera: str = "side"
-    """side, top, tip, overview (with sheath and pulley), or endoscopic (what the tip sees)."""
-    time: float | None = None
-    """A picture of the pose at this time [s]."""
-    sheet: int | None = None
-    """A contact sheet of this many poses at even times."""
+    """side, top, tip, overview (with sheath and pulley), or endoscopic (view from the tip)."""
     ghost: str | None = None
-    """Drawn pale below it: another run (.mcap, at the same times), a model (.json), or `commanded`."""
+    """Pale overlay: another run (.mcap, at the same times), a model (.json), or `commanded`."""
+    episode: int = 0
+    """Number of the file in a folder, in the order of names."""
+    panels: str = "both"
+    """both (endoscope and curves), view or curves."""
+    time: float | None = None
+    """Draw the pose at this time [s] instead of four poses."""
+    sheet: int | None = None
+    """Draw a contact sheet of this many poses at even times."""
+    dpi: int = 200
+    """Pixels per inch; with --size, it sets the size of text."""
+    fps: int = 25
+    """Frames per second."""
+    speed: float = 1.0
+    """Seconds of the record per second of the film; shown in the film."""
     background: str = "white"
     """white, dark or transparent."""
     transparent: bool = False
     """The same as --background transparent."""
     sleeve: str = "cut"
-    """Of the bending section: cut (open to the viewer), whole or none."""
-    panels: str = "both"
-    """both (endoscope and curves), view or curves."""
+    """Sleeve of the bending section: cut (open to the viewer), whole or none."""
     size: tuple[int, int] | None = None
-    """Width and height [pixels]; 1280 720 of a film, as the figure needs of a picture."""
-    dpi: int = 200
-    """Pixels per inch of a picture: with --size, it sets the size of text."""
-    episode: int = 0
-    """Number of the file in a folder, in the order of names."""
-    fps: int = 25
-    """Frames per second of a film."""
-    speed: float = 1.0
-    """Seconds of the record per second of the film, which shows it."""
+    """Width and height [pixels]; 1280 720 for a film, as the figure needs for a picture."""
 
 
 def render(args: Render) -> Summary:

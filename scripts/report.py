@@ -18,6 +18,10 @@ class Report(SeedIgnored):
 
     Run folders (out/demo), datasets, evaluations, training runs, calibrations, gates and comparisons of
     controllers are recognised by their files.
+
+    Examples:
+        endotwin report dataset
+        endotwin report . --out report.html
     """
 
     path: tyro.conf.Positional[Path]

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import tyro
 
@@ -37,54 +37,65 @@ class Run:
 
     Live, each line in is a sample, {"time_s": 0.1, "pull_mm": 0.2, "measurement_deg": 1.3}. It is answered by
     one line with the estimate, its 95 % interval, its source, and health; see docs/deployment.md.
+
+    Examples:
+        endotwin run --policy runs/device/policy.onnx data/measured --out run.mcap
+        endotwin run --policy runs/device/policy.onnx --out live.mcap < bench.jsonl > readings.jsonl
     """
+
+    GROUPS: ClassVar = {
+        "Sensor": "sample_time",
+        "Start": "start",
+        "Commands in closed loop": "stroke",
+        "Viewer": "live",
+    }
 
     data: tyro.conf.Positional[tuple[Path, ...]] = ()
     """A log: folders of MCAP files, or files. Without it, live."""
     policy: Path = dataclasses.field(kw_only=True)
     """Trained file of any method, as `endotwin train` writes it."""
     out: Path | None = None
-    """Recording of the run: NAME.mcap, in which several records of a log follow one another; or, for a log, a
-    folder, with a file for each record."""
+    """Recording of the run: NAME.mcap, with the records of a log one after another; or, for a log, a folder
+    with a file for each record."""
     sample_time: float | None = None
-    """T [s]; if not given, that of the sensor where the trained file states one, or of the training. A log is
-    thinned to about it."""
+    """T [s]; if not given, that of the sensor if the trained file states one, else that of the training. A
+    log is thinned to about T."""
     noise_variance: float | None = None
-    """R of the sensor [deg^2]; if not given, as estimated from a log, and live as in the trained file."""
+    """R of the sensor [deg^2]; if not given, estimated from a log, and live as in the trained file."""
     sensor_zero_deg: float | None = None
-    """Reading of the sensor where the section is straight [deg]; that of the trained file, if not given."""
+    """Reading of the sensor when the section is straight [deg]; that of the trained file, if not given."""
     sensor_zero_deviation_deg: float | None = None
-    """Standard deviation of what is known of that zero [deg], 0 where it is calibrated; that of the trained
-    file, if not given."""
+    """Standard deviation of that zero [deg], 0 if it is calibrated; that of the trained file, if not
+    given."""
     sensor_lag_s: float | None = None
     """Age of a reading when it arrives [s]; that of the trained file, if not given."""
     preset: str | None = None
-    """Endoscope whose twins check the sensor: name of a preset, or a YAML file with ranges. An estimator that
-    was trained on twins needs none."""
+    """Endoscope whose twins check the sensor: name of a preset, or a YAML file with ranges. Not needed by an
+    estimator that was trained on twins."""
     start: Literal["unknown", "rest"] = "unknown"
-    """What is known of the time before: `rest` where the endoscope was straight, and then not moved."""
+    """State before the first sample; rest: the endoscope was straight and has not moved."""
     initial_bend_deg: float = 0.0
     """Estimate at the first sample [deg]."""
     initial_deviation_deg: float = math.inf
-    """Standard deviation of that estimate [deg], for RAM (twins); infinite where nothing is known."""
+    """Standard deviation of that estimate [deg], for RAM (twins)."""
     stroke: tuple[float, float] | None = None
-    """Live: lowest and highest pull that may be commanded [mm]. With it, lines with "reference_deg" are
-    answered with "command_mm", the pull to command at the next sample (RAM (twins) alone)."""
+    """Lowest and highest pull that may be commanded [mm]. Answers to lines with "reference_deg" then contain
+    "command_mm", the pull to command at the next sample (live, with RAM (twins))."""
     speed: float | None = None
     """Fastest change of these commands [mm/s]; that of the training, if not given."""
     rate: float = 10.0
     """Rate at which these commands remove the estimated error [1/s]."""
-    live: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Show it in a viewer (Foxglove, Lichtblick) while it runs; a log is then played at its own pace."""
+    live: bool = False
+    """Show the run in a viewer (Foxglove, Lichtblick); a log is then played at its own pace."""
     live_host: str = "127.0.0.1"
     """Address for viewers; any but this machine's own is open to the network."""
     live_port: int = 8765
     """Port for viewers; 0 for a free one."""
     live_origin: tuple[str, ...] = ()
-    """Web pages that may watch, as https://lab.example, in addition to those of this machine, of Foxglove and
+    """More web pages that may watch, such as https://lab.example; allowed are this machine, Foxglove and
     Lichtblick."""
     json: bool = False
-    """Print the summary as one JSON object; live, on stderr, as stdout is the stream."""
+    """Print the summary as one JSON object; live, on stderr."""
 
 
 class Sinks:

@@ -31,8 +31,11 @@ SAMPLES = {
 class Samples(SeedIgnored):
     """Copy the sample logs and a tiny dataset that ship with EndoTwin into a folder.
 
-    With them the commands of the documents can be tried as they are printed. All are simulated: none was
-    measured on a real endoscope.
+    The commands of the documentation use them. All are simulated: none was measured on a real endoscope.
+
+    Examples:
+        endotwin samples --out .
+        endotwin samples --out lab
     """
 
     out: Path = Path(".")

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Collection, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import tyro
 
@@ -34,11 +34,22 @@ def agents_in_words(default: str = "") -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Train(Options):
-    """Train a learned estimator on records, or on simulated twins; a stopped run of a policy goes on.
+    """Train a learned estimator on records, or on simulated twins; a stopped run of a policy continues.
 
-    Defaults are the paper's: RAM by PPO on records, with Table I. A finished run of PPO goes on where
-    --episodes asks for more.
+    Defaults are the paper's: RAM by PPO on records, with Table I. A finished run of PPO continues if
+    --episodes is larger.
+
+    Examples:
+        endotwin train data/train --model coleman_hodgdon.json --agent ram --episodes 2000 --out runs/ram
+        endotwin train --agent ram --protocol twins --preset ureteroscope --seed 1 --out runs/ram_twins
     """
+
+    GROUPS: ClassVar = {
+        "Protocol twins": "preset",
+        "Protocols strict and free": "sample_time",
+        "Policies ram and direct, trained on records": "algorithm",
+        "Several trainings": "seeds",
+    }
 
     out: Path
     """Run folder: policy.onnx or the network's file, config.yaml, progress.csv."""
@@ -46,39 +57,47 @@ class Train(Options):
     """Folders of MCAP files, or files; none for --protocol twins."""
     model: Path | None = None
     """coleman_hodgdon.json of the reference model; none for --protocol twins."""
-    agent: Annotated[str, tyro.conf.arg(metavar="NAME", help_behavior_hint=agents_in_words)] = (
-        TrainingOptions().agent
-    )
+    agent: Annotated[str, tyro.conf.arg(help_behavior_hint=agents_in_words)] = TrainingOptions().agent
     """Learned method."""
     protocol: Literal["strict", "free", "twins"] = "strict"
-    """strict: on records under Gaussian noise of R = 0.1 alone, as in the paper; free: as given;
-    twins: on simulated twins of --preset under noises of every kind, for any sample time."""
+    """strict: on records under Gaussian noise of R = 0.1 alone, as in the paper; free: under --noise; twins:
+    on simulated twins of --preset under noises of every kind, for any sample time."""
+    episodes: int = TrainingOptions.episodes
+    """Episodes of PPO in total; the steps of a network scale with them."""
+    tensorboard: bool = False
+    """Also write the learning curve for TensorBoard, into OUT/tensorboard (extra `tensorboard`)."""
     preset: str = "ureteroscope"
-    """Protocol twins: the endoscope, and the ranges that its twins are drawn from; a name or a YAML file."""
+    """Endoscope, and the ranges that its twins are drawn from; a name or a YAML file."""
     noises: tuple[str, ...] = ()
-    """Protocol twins: families of noise to learn from, of those in docs/ram_twins.md; all,
-    if not given."""
+    """Families of noise to learn from, of those in docs/ram_twins.md; all, if not given."""
     stroke: tuple[float, float] | None = None
-    """Protocol twins: lowest and highest pulling distance that is met [mm]; -4 4, if not given."""
+    """Lowest and highest pulling distance of the training [mm]; -4 4, if not given."""
     sample_times: tuple[float, ...] = ()
-    """Protocol twins: sample times that are met [s], of 0.1, 0.04 and 0.02, the first of several in 0.7 of
-    the sequences; all three in this order, if not given."""
+    """Sample times of the training [s], of 0.1, 0.04 and 0.02, the first of several in 0.7 of the sequences;
+    all three in this order, if not given."""
     sample_time: float = 0.1
     """T [s]; records are thinned to it."""
-    agent_file: Path | None = None
-    """A Python file of yours, which is run: make_agent(environment, seed) returns an algorithm of
-    stable-baselines3 or sb3-contrib, or a module of torch; wrap(environment), if there is one, wraps it. The
-    environment is that of --agent, ram or direct."""
-    algorithm: Literal["ppo", "sac", "td3"] = "ppo"
-    """How the policy of ram or direct learns."""
-    network: tuple[int, ...] = TrainingOptions.network
-    """Units of each layer of its network."""
     held_out: Path | None = None
-    """Recordings that are not trained on: the learning curve has the mean reward on them too."""
-    episodes: int = TrainingOptions.episodes
-    """Episodes of PPO in all; a network takes as large a share of its own steps as this is of the default."""
+    """Recordings that are not trained on: the learning curve also shows the mean reward on them."""
+    noise: str = TrainingOptions.noise
+    """Measurement noise during training (protocol free)."""
+    noise_level: float = TrainingOptions.noise_level
+    """Its level [deg^2 or deg] (protocol free)."""
+    initial_error_deg: float = TrainingOptions.initial_error_deg
+    """Largest error of the initial estimate [deg]."""
+    error_scale: float = TrainingOptions.error_scale
+    """PPO trains on each record as it is, and with its departure from the model scaled down to this share, so
+    that it learns to handle noise larger than the model's error; 1: only as it is."""
+    algorithm: Literal["ppo", "sac", "td3"] = "ppo"
+    """Reinforcement learning algorithm."""
+    network: tuple[int, ...] = TrainingOptions.network
+    """Units of each layer of the policy."""
+    agent_file: Path | None = None
+    """Your Python file, which is executed: make_agent(environment, seed) returns an algorithm of
+    stable-baselines3 or sb3-contrib, or a module of torch; wrap(environment), if it exists, wraps the
+    environment, that of --agent ram or direct."""
     learning_rate: float = TrainingOptions.learning_rate
-    """Of PPO."""
+    """Learning rate of PPO."""
     horizon: int = TrainingOptions.horizon
     """Samples between two updates, over all environments."""
     discount: float = TrainingOptions.discount
@@ -89,31 +108,20 @@ class Train(Options):
     """Clip factor of PPO."""
     environments: int = TrainingOptions.environments
     """Episodes that run side by side."""
-    noise: str = TrainingOptions.noise
-    """Measurement noise during training (protocol free)."""
-    noise_level: float = TrainingOptions.noise_level
-    """Its level [deg^2 or deg] (protocol free)."""
     reward_scale: float = TrainingOptions.reward_scale
     """Factor on the reward, eq. 11."""
-    initial_error_deg: float = TrainingOptions.initial_error_deg
-    """The initial estimate is off by up to this [deg]."""
-    error_scale: float = TrainingOptions.error_scale
-    """PPO meets the records as they are, and with their departure from the model scaled down to this share,
-    so that it learns what to do where noise is larger than the model's error; 1 for the records alone."""
     seed: int = 0
-    """Of the network, the exploration and the noise."""
+    """Seed of the network, the exploration and the noise."""
     seeds: int | None = None
-    """Trainings side by side, with --seed and those that follow, each in a folder OUT/seed_N; `evaluate`
-    takes their files as one row."""
+    """Number of trainings, with --seed and the seeds after it, each in a folder OUT/seed_N; `evaluate` takes
+    their files as one row."""
     workers: int = 0
-    """With --seeds: processes; 0 for one per core. The files do not depend on it."""
-    search: tyro.conf.FlagCreatePairsOff[bool] = False
-    """With --seeds and --protocol twins: first try some learning rates and sizes of the network, each a
-    quarter as long, on twins that are held out, and train with the best. OUT/search keeps the trials."""
+    """Processes; 0 for one per core. The files do not depend on it."""
+    search: bool = False
+    """With --protocol twins: first try some learning rates and sizes of the network, each a quarter as long,
+    on other twins, and train with the best. OUT/search keeps the trials."""
     dask: str | None = None
-    """With --seeds: address of a Dask scheduler, whose workers train and see --out under the same path."""
-    tensorboard: bool = False
-    """Write the learning curve for TensorBoard too, into OUT/tensorboard (extra `tensorboard`)."""
+    """Dask scheduler whose workers train; they need --out under the same path."""
 
 
 def train(args: Train) -> Summary:

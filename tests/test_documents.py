@@ -1,4 +1,4 @@
-"""Every command and every snippet of README and docs is parsed as printed; `make validate` runs them.
+"""Every command and snippet of README, docs and `--help` is parsed as printed; `make validate` runs them.
 
 They run at a small size: `documented.SMALLER` states by what each long one is shortened. Besides, trained
 files are exported by tracing, filters are tuned by 150 evaluations, members are chosen from a few, and the
@@ -8,7 +8,6 @@ gate takes two twins.
 import contextlib
 import dataclasses
 import glob
-import importlib
 import json
 import os
 import re
@@ -25,12 +24,22 @@ import documented
 import gated
 import pytest
 import tyro
-from documented import ALONE, NOT_RUN, TOGETHER, Snippet, documents, inline_commands, snippets, words_of
+from documented import (
+    ALONE,
+    HELP,
+    NOT_RUN,
+    TOGETHER,
+    Snippet,
+    documents,
+    inline_commands,
+    options_of,
+    snippets,
+    words_of,
+)
 from repository import ENVIRONMENT, REPOSITORY
 from typed import done, typed_words
 
 from scripts.__main__ import VERBS
-from scripts.command import MODULES
 from scripts.samples import copy_samples
 from twin.dataset.recipe_file import load_recipe
 from twin.estimation import registry
@@ -40,23 +49,13 @@ sys.path.insert(0, str(REPOSITORY / "docs/site"))
 
 import tutorials
 
-EVERY = [snippet for document in documents() for snippet in snippets(document)]
+EVERY = [snippet for document in (*documents(), HELP) for snippet in snippets(document)]
 MAY_REFUSE = {"endotwin gate": (0, 1)}
 """Exit codes of commands that may refuse: an estimator that has hardly learned is a no-go."""
 SECONDS = 600
 """The longest that one command may take at its small size."""
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?")
 SEARCH = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-
-
-def options_of(verb: str) -> type:
-    """The dataclass of options of a verb."""
-    module = importlib.import_module(f"scripts.{MODULES.get(verb, verb)}")
-    return next(
-        value
-        for value in vars(module).values()
-        if isinstance(value, type) and dataclasses.is_dataclass(value) and value.__module__ == module.__name__
-    )
 
 
 def test_every_command_is_parsed_as_it_is_printed():

@@ -1,13 +1,10 @@
-"""The command reference: every verb, its purpose and its options, from the dataclasses that parse them."""
+"""The command reference: every verb, its purpose, options and examples, as `--help` has them."""
 
-import dataclasses
 import importlib
-import inspect
-from typing import Any
 
 from scripts.__main__ import VERBS
 from scripts.command import MODULES
-from scripts.help_text import is_positional
+from scripts.help_text import Option, options_in_groups, split_examples
 
 
 def page() -> str:
@@ -25,56 +22,20 @@ def page() -> str:
 
 def _verb(verb: str) -> str:
     module = importlib.import_module(f"scripts.{MODULES.get(verb, verb)}")
-    options = next(
-        value
-        for value in vars(module).values()
-        if dataclasses.is_dataclass(value) and isinstance(value, type) and value.__module__ == module.__name__
-    )
-    texts = _strings(options)
+    options = module.main.args[0]
+    groups = options_in_groups(options)
+    text, examples = split_examples(options)
+    positional = [option for option in groups["Options"] if option.positional]
+    usage = " ".join([f"endotwin {verb} [options]", *(option.words for option in positional)])
     rows = ["| option | if not given | what |", "|---|---|---|"]
-    usage = [f"endotwin {verb}"]
-    for field in dataclasses.fields(options):
-        positional = is_positional(field.type)
-        name = field.name.upper() if positional else f"--{field.name.replace('_', '-')}"
-        if positional:
-            usage.append(name)
-        rows.append(f"| `{name}` | {_default(field)} | {_cell(texts.get(field.name, ''))} |")
-    text = inspect.cleandoc(options.__doc__ or "")
-    return f"## {verb}\n\n{text}\n\n```text\n{' '.join(usage)} [options]\n```\n\n" + "\n".join(rows)
+    for title, group in groups.items():
+        rows += [f"| **{title}** | | |"] if len(groups) > 1 else []
+        rows += [_row(option) for option in group]
+    shown = "\n".join(["```sh", *examples, "```"])
+    return "\n\n".join([f"## {verb}", text, f"```text\n{usage}\n```", "\n".join(rows), shown])
 
 
-def _strings(options: type) -> dict[str, str]:
-    """Return the string below each field, which `--help` prints."""
-    import ast
-
-    found, last = {}, ""
-    kinds = [kind for kind in reversed(options.__mro__) if dataclasses.is_dataclass(kind)]
-    trees = [ast.parse(inspect.cleandoc(inspect.getsource(kind))).body[0] for kind in kinds]
-    for node in [node for tree in trees if isinstance(tree, ast.ClassDef) for node in tree.body]:
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            last = node.target.id
-        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and last:
-            found[last] = " ".join(str(node.value.value).split())
-    return found
-
-
-def _default(field: "dataclasses.Field[Any]") -> str:
-    if field.default is dataclasses.MISSING:
-        return "required"
-    value = field.default
-    if value is None or value == ():
-        return ""
-    if isinstance(value, bool):
-        return "no" if not value else "yes"
-    shown = (
-        " ".join(map(str, value))
-        if isinstance(value, tuple)
-        else f"{value:g}"
-        if isinstance(value, float)
-        else value
-    )
-    return f"`{shown}`"
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("<", "&lt;")
+def _row(option: Option) -> str:
+    default = option.default if option.default in ("", "required") else f"`{option.default}`"
+    text = option.text.replace("|", "\\|").replace("<", "&lt;")
+    return f"| `{option.words}` | {default} | {text} |"

@@ -38,30 +38,29 @@ class Settings:
     that the first policy was trained with. The full suite identifies its own."""
     train: Path | None = None
     """Training set, to train what is not given and to tune the yardsticks."""
+    suite: str = "paper"
+    """paper: its five noises, and the Poisson ones with dither; paper-only: its five; full; untrained: as
+    full, with faults of the sensor and twins that are in no training."""
     policy: tuple[Path, ...] = ()
     """Trained files of any method, as `endotwin train` writes them: policy.onnx, lstm.onnx ... One that was
-    trained at one sample time runs at that one alone (--sample-time). Several of one method that differ in
-    their seed alone are one row: the mean over them, and their spread."""
+    trained at one sample time runs only at that one (--sample-time). Files of one method that differ only in
+    their seed are one row: their mean and spread."""
     methods: tuple[str, ...] = ()
     """Names of the methods to compare, as in the tables; all of the suite, if not given. In the full suite,
-    `all` has those too that it otherwise has on request, and trains what is not given."""
+    `all` adds those that run only on request, and trains what is not given."""
     method_file: tuple[Path, ...] = ()
-    """Python files that register estimators of your own (`register_method`), to compare them too; each is
-    run."""
-    suite: str = "paper"
-    """paper: its five noises, and the Poisson ones with dither; paper-only: its five; full;
-    untrained: as full, with faults of the sensor and twins that no training meets."""
+    """Python files that register your own estimators (`register_method`) for the comparison; each is
+    executed."""
     measurements: Literal["auto", "drawn", "recorded"] = "auto"
-    """drawn: the truth with drawn noise; recorded: what the sensor of the record saw, once. auto:
-    recorded where all records are measured logs, else drawn; the full suite draws, unless given."""
+    """drawn: the truth with drawn noise; recorded: the record's own measurements, once. auto: recorded if all
+    records are measured logs, else drawn; always drawn in the full suite."""
     sensor_variance: float | None = None
     """R of recorded measurements [deg^2]; if not given, as the records state it, else 0.1."""
     sensor_zero_deviation_deg: float | None = None
-    """How well the zero of recorded measurements is known: its standard deviation [deg]; 0: calibrated. If
-    not given, 2."""
-    write_estimates: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Also write each record into OUT/estimates with /estimate/METHOD: what methods make of its recorded
-    measurements."""
+    """Standard deviation of the zero of recorded measurements [deg]; 0: calibrated. If not given, 2."""
+    write_estimates: bool = False
+    """Also write each record into OUT/estimates, with the estimates of all methods from its recorded
+    measurements as /estimate/METHOD."""
     seeds: int = 20
     """Draws of the noise."""
     sample_time: tuple[float, ...] = ()
@@ -69,26 +68,26 @@ class Settings:
     initial_error_deg: float = 20.0
     """Error of the initial estimate [deg]."""
     episodes: int = TrainingOptions.episodes
-    """Episodes of PPO for a policy that is not given (full suite: at T = 0.1; as many samples at others)."""
+    """Episodes of PPO for a policy that is not given (full suite: at T = 0.1; as many samples at other T)."""
     preset: str = "ureteroscope"
-    """Full suite: the twin of records and ensembles, and the ranges that they are drawn from."""
+    """Endoscope of records and ensembles, and the ranges that they are drawn from."""
     trainings: int = 1
-    """Full suite: trainings of each learned method that is not given, with --seed and those that follow; a
-    row is the mean over them, with the spread."""
+    """Trainings of each learned method that is not given, with --seed and the seeds after it; a row is their
+    mean, with the spread."""
     members: int = 256
-    """Full suite: twins in an ensemble."""
+    """Twins in an ensemble."""
     ensembles: int = 1
-    """Full suite: ensembles of other twins, each; their rows are means over them, with the spread."""
+    """Ensembles, each of other twins; a row is their mean, with the spread."""
     member_physics: Literal["reduced", "mujoco"] = "reduced"
-    """Full suite: what they are; the records are always of the twin in MuJoCo."""
+    """Physics of these twins; records are always simulated in MuJoCo."""
     seconds: float = 60.0
-    """Full suite: length of the records that it simulates."""
+    """Length of the simulated records [s]."""
     workers: int = 0
-    """Full suite: processes; 0 for one per core. The results do not depend on it."""
+    """Processes; 0 for one per core. The results do not depend on it."""
     dask: str | None = None
-    """Full suite: address of a Dask scheduler, whose workers see all files under the same path."""
+    """Dask scheduler whose workers compute; they need all files under the same path."""
     seed: int = 0
-    """Of everything that is drawn."""
+    """Seed of all random numbers."""
     json: bool = False
     """Print the summary as one JSON object."""
 

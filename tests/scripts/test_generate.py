@@ -149,7 +149,7 @@ def test_a_log_of_other_columns_drives_both_planes(run, tmp_path):
         ("recipe.yaml --randomize --out x", "a preset given by its parameters states no ranges"),
         ("recipe.yaml --dask tcp --out x", "--dask 'tcp': must be as in tcp://192.168.0.7:8786"),
         ("recipe.yaml --verify --replay x --out x", "--replay and --verify: choose one"),
-        ("recipe.yaml --camera 0 --out x", "camera: 0 pictures per second: must be positive"),
+        ("recipe.yaml --pictures-per-second 0 --out x", "camera: 0 pictures per second: must be positive"),
     ],
 )
 def test_mistake_is_one_line_and_nothing_is_written(run, tmp_path, line, fault):

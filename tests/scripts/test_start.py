@@ -17,7 +17,7 @@ OF_LEARNING = {"train", "evaluate"}
 SAID = (
     "import sys; sys.argv[1:] = {words!r}\n{code}\nprint(*{{name.partition('.')[0] for name in sys.modules}})"
 )
-MAIN = "from twin.__main__ import main\ntry: main()\nexcept SystemExit as end: assert not end.code"
+MAIN = "from twin.__main__ import main\nassert main() == 0"
 
 
 def imported(code: str, *words: str) -> tuple[str, set[str]]:

@@ -1,12 +1,15 @@
 """The commands as a user types them: short real runs, and mistakes."""
 
+import dataclasses
 import json
+import re
 import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from documented import options_of
 from repository import REPOSITORY, endotwin
 from typed import done, typed
 from workspace import EVALUATE, POLICIES
@@ -234,9 +237,33 @@ def test_a_mistake_is_one_line_exit_code_2_and_nothing_half_written(mistakes, li
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_help_names_values_in_plain_words(verb, tmp_path):
+def test_help_has_each_option_once_in_groups_and_ends_in_examples(verb, tmp_path):
     code, out, _ = typed(f"{verb} --help", tmp_path)
     assert code == 0
-    assert "None" not in out
-    assert not {"STR", "PATH|", "FLOAT", "INT"} & set(out.split())
-    assert "--no-json" not in out
+    paragraphs = out.rstrip().split("\n\n")
+    title, *examples = paragraphs[-1].splitlines()
+    assert title == "Examples:"
+    assert len(examples) == 2
+    assert all(example.startswith(f"  endotwin {verb} ") for example in examples)
+    options, shown = options_of(verb), re.findall(r"^  (?:--|\[?PATH)", out, re.MULTILINE)
+    fields = dataclasses.fields(options)
+    assert len(shown) == len(fields)
+    titles = [part.splitlines()[0] for part in paragraphs if part.splitlines()[0].endswith(":")]
+    groups = getattr(options, "GROUPS", {})
+    assert titles == ["Options:", *(f"{title}:" for title in groups), "Examples:"]
+    assert len(groups) >= 3 or len(fields) <= 14
+    assert not {"None", "STR", "FLOAT", "INT"} & set(out.split())
+
+
+def test_help_names_values_by_their_units(tmp_path):
+    for verb, words in [
+        ("render", "--time SECONDS"),
+        ("render", "--speed NUMBER"),  # a factor
+        ("render", "--size WIDTH HEIGHT"),
+        ("run", "--speed MM/S"),
+        ("run", "--noise-variance DEG2"),
+        ("train", "--sample-times SECONDS ..."),
+        ("generate", "--stroke MM MM"),
+        ("generate", "--set NAME=VALUE ..."),
+    ]:
+        assert re.search(f"^  {re.escape(words)}(  |$)", done(f"{verb} --help", tmp_path), re.MULTILINE)

@@ -1,15 +1,22 @@
-"""Commands and snippets of README and docs as they are printed, and small sizes to run them at."""
+"""Commands and snippets of README, docs and `--help` as they are printed, and small sizes to run them at."""
 
 import dataclasses
+import importlib
 import re
 import shlex
 
 from repository import REPOSITORY
 
+from scripts.__main__ import VERBS
+from scripts.command import MODULES
+from scripts.help_text import split_examples
+
 _FENCE = re.compile(r"^( *)```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
 _INDENTED = re.compile(r"(?:^    .+\n)+", re.MULTILINE)
 _INLINE = re.compile(r"`(endotwin [^`\n]+)`")
 SHELL = {"", "sh"}
+HELP = "endotwin VERB --help"
+"""The examples of all verbs, as one document."""
 
 TOGETHER = (
     "README.md",
@@ -24,6 +31,7 @@ TOGETHER = (
     "docs/results/paper_protocol.md",
     "docs/rendering.md",
     "docs/vision.md",
+    HELP,
 )
 """Documents whose commands go on from one another, in the order in which they are read, in one folder."""
 ALONE = ("docs/quickstart.md",)
@@ -37,7 +45,7 @@ SMALLER: tuple[tuple[str, str], ...] = (
     (r"(endotwin generate mixed.yaml)", r"\1 --seconds 1"),
     (r"(endotwin generate --physics reduced) --episodes 64", r"\1 --episodes 2 --seconds 2"),
     (r"(endotwin train .*--protocol twins.*?)(?= --out)", r"\1 --episodes 1"),
-    (r"(endotwin train .*--protocol strict.*) --episodes \d+", r"\1 --episodes 2"),
+    (r"(endotwin train data/train .*) --episodes 2000", r"\1 --episodes 2"),
     (r"(endotwin train .*--agent direct) --episodes 500", r"\1 --episodes 2"),
     (r"--starts \d+", ""),
     (r"--rivals [a-z -]*?(?= --)", "--rivals coleman-hodgdon"),
@@ -68,6 +76,8 @@ NOT_RUN = {
     "cc ": "tests/scripts/test_run_examples.py compiles and runs both examples",
     "./run_stream": "the same",
     "python docs/examples": "the same",
+    "endotwin demo": "minutes: tests/scripts/test_demo.py runs it",
+    "endotwin benchmark": "`make benchmark` runs it, in an hour",
     "--dask tcp://": "names a cluster: tests/workers/test_dask_cluster.py runs on one",
     "python -m scripts.studies.match_paper": "an hour: tests/studies/test_match_paper.py runs a small one",
     "python -m scripts.studies.ablation": "half an hour: tests/studies/test_ablation.py runs a small one",
@@ -108,14 +118,22 @@ class Snippet:
         return not any(part in self.text for part in NOT_RUN)
 
 
+def options_of(verb: str) -> type:
+    """The dataclass of options of a verb."""
+    return importlib.import_module(f"scripts.{MODULES.get(verb, verb)}").main.args[0]
+
+
 def documents() -> list[str]:
-    """Every document that a reader may take commands from."""
+    """Every document that a reader may take commands from, but `HELP`."""
     docs = sorted(str(path.relative_to(REPOSITORY)) for path in (REPOSITORY / "docs").rglob("*.md"))
     return ["README.md", "CONTRIBUTING.md", *(name for name in docs if not name.startswith("docs/site"))]
 
 
 def snippets(document: str) -> list[Snippet]:
     """Commands and Python of a document, in its order."""
+    if document == HELP:
+        commands = [command for verb in VERBS for command in split_examples(options_of(verb))[1]]
+        return [Snippet(HELP, number, command) for number, command in enumerate(commands, start=1)]
     text = (REPOSITORY / document).read_text()
     found = []
     for block in _FENCE.finditer(text):

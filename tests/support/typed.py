@@ -34,10 +34,7 @@ def typed_words(words: list[str], cwd: Path, stdin: bytes = b"") -> Typed:
         mock.patch.object(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin))),
         mock.patch.object(sys, "argv", ["endotwin", *words]),
     ):
-        try:
-            code = main()
-        except SystemExit as end:  # of `--help`
-            code = int(end.code or 0)
+        code = main()
     return Typed(code, out.getvalue(), err.getvalue())
 
 
