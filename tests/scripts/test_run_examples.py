@@ -11,20 +11,46 @@ from repository import ENVIRONMENT, REPOSITORY, command
 from twin.live import load_runtime
 
 EXAMPLES = REPOSITORY / "docs/examples"
-COMPILER = next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), None)
+COMPILERS = {".c": ("cc", "gcc", "clang"), ".hpp": ("c++", "g++", "clang++")}
+CPP = r"""
+#include "endotwin.hpp"
+
+int main(int count, char **words) {
+    endotwin::Estimator estimator(std::vector<std::string>(words + 1, words + count));
+    try {
+        for (int k = 0; k < 100; k++) {
+            const double time_s = 0.1 * k, measured = 40 * std::sin(time_s - 0.3);
+            const auto reading = estimator.push(time_s, 2 * std::sin(time_s), k % 10 == 9 ? NAN : measured);
+            if (k > 0 && !(reading.low_deg <= reading.bend_deg && reading.bend_deg <= reading.high_deg))
+                return 3;
+            std::printf("%.3f deg %d\n", reading.bend_deg, reading.trusted);
+        }
+        estimator.push(NAN, 0, 0);
+    } catch (const std::runtime_error &error) {
+        std::fprintf(stderr, "%s\n", error.what());
+    }
+    return estimator.close();
+}
+"""
+"""A program that uses the header as `run_stream.c` uses the command."""
 
 
-@pytest.fixture(params=["run_stream.py", "run_stream.c"])
+@pytest.fixture(params=["run_stream.py", "run_stream.c", "endotwin.hpp"])
 def example(request, tmp_path):
     """The words that start an example."""
     source = EXAMPLES / request.param
     if source.suffix == ".py":
         return [sys.executable, "-I", str(source)]  # -I: whatever it needs, it has from Python alone
-    if COMPILER is None:
-        pytest.skip("no C compiler here")
-    strict = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+    compiler = next(filter(shutil.which, COMPILERS[source.suffix]), None)
+    if compiler is None:
+        pytest.skip(f"no compiler for {source.name} here")
+    standard = "-std=c99"
+    if source.suffix == ".hpp":
+        (tmp_path / "main.cpp").write_text(CPP)
+        source, standard = tmp_path / "main.cpp", "-std=c++11"
+    strict = [standard, "-Wall", "-Wextra", "-Wpedantic", "-Werror", f"-I{EXAMPLES}"]
     built = tmp_path / "run_stream"
-    subprocess.run([COMPILER, *strict, "-o", str(built), str(source), "-lm"], check=True)
+    subprocess.run([compiler, *strict, "-o", str(built), str(source), "-lm"], check=True)
     return [str(built)]
 
 

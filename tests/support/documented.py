@@ -73,9 +73,10 @@ SMALLER: tuple[tuple[str, str], ...] = (
 
 NOT_RUN = {
     "make ": "the tests are one of them; `make demo` is run by `make validate`",
-    "cc ": "tests/scripts/test_run_examples.py compiles and runs both examples",
+    "cc ": "tests/scripts/test_run_examples.py compiles and runs it",
     "./run_stream": "the same",
-    "python docs/examples": "the same",
+    "python docs/examples/run_stream.py": "the same",
+    "python docs/examples/tcp_server.py": "tests/scripts/test_bridges.py runs it",
     "endotwin demo": "minutes: tests/scripts/test_demo.py runs it",
     "endotwin benchmark": "`make benchmark` runs it, in an hour",
     "--dask tcp://": "names a cluster: tests/workers/test_dask_cluster.py runs on one",
