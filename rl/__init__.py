@@ -4,7 +4,7 @@ import contextlib
 import os
 import tempfile
 
-# An optimiser of torch makes this folder for compiled code, of which there is none here: no new folder.
+# torch creates this folder for compiled code, which is not used here: reuse an existing one.
 os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", tempfile.gettempdir())
 
 with contextlib.suppress(ImportError):  # without the extra `rl` there is no Gymnasium

@@ -66,8 +66,8 @@ def _off_policy(kind: type[SAC] | type[TD3]) -> Callable[[VecEnv, TrainingOption
 def new_ppo(environment: VecEnv, training: TrainingOptions, epochs: int = EPOCHS) -> PPO:
     """Return an untrained policy with the parameters of a training.
 
-    In the second half of a training its learning rate falls to zero: the weights of a constant one are as
-    noisy as the samples of their last updates, and direct RL becomes worse for it.
+    Its learning rate falls to zero in the second half of a training. With a constant rate the final weights
+    carry the noise of the last updates, which makes direct RL worse.
     """
     widths, rate = list(training.network), training.learning_rate
     ppo = PPO(
@@ -139,7 +139,7 @@ class ModuleObservation(gymnasium.ObservationWrapper[Any, Any, Any]):
         self.observation_space = gymnasium.spaces.Box(-float("inf"), float("inf"), low.shape, low.dtype.type)
 
     def observation(self, observation: Any) -> Any:
-        """Return what the module makes of an observation (n,)."""
+        """Return the module's output for an observation (n,)."""
         with torch.no_grad():
             return self.module(torch.as_tensor(observation)[None])[0].numpy()
 
@@ -199,7 +199,7 @@ def policy_of(agent: BaseAlgorithm | torch.nn.Module) -> torch.nn.Module:
         return RecurrentPolicy(policy)
     if hasattr(policy, "actor"):
         actor = policy.actor
-        if hasattr(actor, "latent_pi"):  # SAC and its kind squash a normal distribution
+        if hasattr(actor, "latent_pi"):  # SAC and similar squash a normal distribution
             return torch.nn.Sequential(actor.features_extractor, actor.latent_pi, actor.mu, torch.nn.Tanh())
         return torch.nn.Sequential(actor.features_extractor, actor.mu)
     return torch.nn.Sequential(

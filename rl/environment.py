@@ -84,8 +84,8 @@ class BatchEnvironment(SharedEnvironment):
     The reward is eq. 11, minus the squared error of the estimate [deg^2], times `reward_scale`. An episode
     ends, truncated, with its record; its environment then draws the next one.
 
-    The first episodes begin evenly spread over their records, each from an initial estimate that is off as at
-    any start. So episodes end and begin one after the other, and every update of a policy contains starts in
+    The first episodes begin evenly spread over their records, each from a wrong initial estimate, as at any
+    start. So episodes end and begin one after the other, and every update of a policy contains starts in
     their true proportion: without them it forgets how to correct a wrong initial estimate.
 
     Attributes:

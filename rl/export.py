@@ -34,11 +34,12 @@ def export_step(
 ) -> None:
     """Write one sample of a filter as ONNX in double precision, with reference steps.
 
-    A filter adds up the roundings of its covariance: single precision would part the graph from the step.
+    A filter adds up the roundings of its covariance: in single precision the graph would drift away from the
+    step.
     """
     graph = copy.deepcopy(graph).double()
     shapes = {**inputs, **state}
-    # Tensors of their own: the export takes one that is given twice for one input.
+    # Separate tensors: the export would merge one that is given twice into a single input.
     example = {name: torch.full((_BATCH, *shape), 0.5, dtype=torch.float64) for name, shape in shapes.items()}
     if PARTS in inputs:
         example[PARTS] = torch.tensor(ALL_PARTS, dtype=torch.float64)

@@ -1,16 +1,16 @@
 """Recurrent networks that filter: an LSTM without a model, and a GRU that knows the noise and the model.
 
-Both predict the noise of a measurement, so that the estimate is y minus that. No absolute value enters:
-trained on stroke [2, 4] mm, a network that sees them has never met [-1, 1] mm.
+Both predict the noise of a measurement, so that the estimate is y minus that. Absolute values are no inputs:
+a network that is trained on them on the stroke [2, 4] mm does not generalise to [-1, 1] mm.
 
 - LSTM (Hochreiter and Schmidhuber 1997): sees the increments of the pull and of the measurement. It has no
-  model that could move the estimate, which stands while a measurement is missing; the next increments span
-  the gap.
+  model that could move the estimate: while a measurement is missing, the estimate is held, and the next
+  increments span the gap.
 - GRU (Cho et al. 2014): sees s_k = (y_k - step(y_{k-1})) / sqrt(R), the part of the measurement that the
   model does not predict from the previous *measurement*, and the increment of the pull. It predicts the noise
   in units of sqrt(R). While a measurement is missing, the model moves the estimate and the last measurement.
 
-Neither uses the initial estimate: it is shown until the first measurement.
+Neither uses the initial estimate, except as output until the first measurement.
 """
 
 from collections.abc import Callable, Sequence
@@ -160,7 +160,7 @@ def train_lstm(
     folder: Path,
     on_progress: OnProgress | None = None,
 ) -> Path:
-    """Train the LSTM into a folder and return its file; the active model gives the sample time alone."""
+    """Train the LSTM into a folder and return its file; the active model gives only the sample time."""
 
     def prepare(task: TrainingTask) -> Lesson:
         rng = random_stream(training.seed, SeedUse.NETWORK)

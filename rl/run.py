@@ -90,10 +90,10 @@ def unusable(path: Path) -> InputError:
 
 
 class Keeper:
-    """Keeper of the state of a lesson, in a checkpoint.
+    """Checkpoint of the state of a lesson.
 
     Attributes:
-        saved: state of the checkpoint of this run that was there; None where there was none.
+        saved: state in an existing checkpoint of this run, or None.
         best: weights that were best on held-out twins so far, by name.
         curve: rows of `progress.csv`, which start with samples so far and minus the typical square error then
             [deg^2].
@@ -123,7 +123,7 @@ class Keeper:
         save_checkpoint(self.path, self.key, state)
 
     def restore(self, optimiser: torch.optim.Optimizer) -> int:
-        """Bring step and optimiser to the checkpoint, and return its update; 0 if there is none."""
+        """Restore step and optimiser from the checkpoint and return its update; 0 if there is none."""
         state, self.saved = self.saved, None
         if state is None:
             return 0

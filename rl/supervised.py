@@ -99,7 +99,7 @@ def train_network(
                 steps = training.iterations, training.learning_rate
                 descend(groups, lambda _: lesson.loss(), *steps, on_update, betas=(0.9, 0.999))
             write_curve(folder, curve)
-            # The last: where the file is, the run is finished.
+            # Written last: the run is finished if this file exists.
             deployed = with_deployment(configuration, records, active_model, training.seed)
             step, contents = lesson.deployed(), {"agent": spec.training.agent, **deployed}
             export_step(step, dict.fromkeys(step.inputs, ()), step.state, contents, path)

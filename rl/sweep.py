@@ -26,8 +26,8 @@ from twin.files.bounds import MOST_TRAININGS
 from twin.files.run_folder import CURVE_FILE, read_progress
 
 FOLDER, FILE = "search", "search.csv"  # folder of the trials of a search in its run folder, and their list
-_WHOLE = 1000  # what one training counts in progress
-_SECONDS = 0.5  # between two looks at it
+_WHOLE = 1000  # progress units of one training
+_SECONDS = 0.5  # between two updates of the progress
 
 
 class TrainingRun(NamedTuple):
@@ -68,8 +68,9 @@ def train_seeds(
 ) -> list[Path]:
     """Train with each seed into a folder of its own; returns the trained files in the order of the seeds.
 
-    What is finished or begun there is taken up. Workers put their progress into `shares`, a `shared_table`;
-    `on_progress` takes thousandths of a training, their number in all and the mean reward [deg^2].
+    Finished trainings are kept, and started ones continue. Workers put their progress into `shares`, a
+    `shared_table`; `on_progress` takes thousandths of a training, their number in all and the mean reward
+    [deg^2].
     """
     runs = [
         TrainingRun(material, dataclasses.replace(options, seed=seed), folder_of(folder, seed))
@@ -84,7 +85,7 @@ def train_side_by_side(
     on_progress: OnProgress | None = None,
     shares: Shares | None = None,
 ) -> list[Path]:
-    """Train each run into its folder; what is finished or begun there is taken up.
+    """Train each run into its folder; finished trainings are kept, and started ones continue.
 
     Arguments as of `train_seeds`. The trained files are in the order of the runs.
     """
@@ -98,7 +99,7 @@ def train_side_by_side(
     while waiting:
         done, waiting = wait(waiting, timeout=pause, return_when=FIRST_COMPLETED)
         for future in done:
-            future.result()  # what one of them could not do ends all
+            future.result()  # an error in one training ends all
         finished = {place for future, place in futures.items() if future not in waiting}
         _show(finished, len(runs), shares, on_progress)
     return [future.result() for future in futures]
@@ -124,7 +125,7 @@ def _show(done: set[int], count: int, shares: Shares | None, on_progress: OnProg
     on_progress(round(_WHOLE * (len(done) + sum(parts))), _WHOLE * count, mean)
 
 
-SHORTER = 4  # times that a trial is shorter than the training that it is for
+SHORTER = 4  # a trial is shorter than its training by this factor
 Settings = dict[str, float]
 
 
@@ -172,7 +173,7 @@ def search_settings(
 
 
 def with_settings(material: Material, settings: Settings) -> Material:
-    """Return what is learned from, with settings of the training in place of the method's own."""
+    """Return the training material with other settings in place of the method's own."""
     if material.simulated is None:
         raise InputError("settings are searched for trainings on twins alone")
     settings = {**material.simulated.settings, **settings}

@@ -1,8 +1,8 @@
 """Tracking of a bend as an environment for Gymnasium: the endoscope in the loop, one command at a time.
 
-The action moves an offset from the pull of the nominal endoscope's line. So no action is control by the
-line, which knows of no hysteresis; and as the offset sums actions up, a policy that is linear in the error
-and in the low-passed error is a PI law already.
+The action moves an offset from the pull of the nominal endoscope's line. An action of zero is control by the
+line, which ignores hysteresis. As the offset is the sum of all actions, a policy that is linear in the error
+and the low-passed error is a PI law.
 """
 
 import dataclasses
@@ -80,14 +80,14 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         Args:
             preset: the nominal endoscope, or its name.
             randomized: whether every episode draws another endoscope, from the ranges of the preset's file;
-                line and scales remain those of the nominal one, as all that is known of it.
+                line and scales remain those of the nominal one.
             stroke_mm: lowest and highest pull of the work, which references are made for; the command may
                 go further at either end, by `twin.control.controller.MARGIN` of its width [mm].
             speed_mm_s: fastest change of the command [mm / s].
             signals: kinds of reference, one of which each episode draws (`twin.control.conditions.SIGNALS`).
             noise_variance: R of the Gaussian noise of measurements [deg^2].
             sample_time: T [s].
-            seconds: length of an episode behind its hold at the start [s].
+            seconds: length of an episode after its hold at the start [s].
             physics: `mujoco`, or `reduced`, which is faster.
             render_mode: `rgb_array`, or None where nothing is drawn.
         """
@@ -133,7 +133,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observe(), self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Go on by one sample; `truncated` at the end of the reference."""
+        """Advance by one sample; `truncated` at the end of the reference."""
         if self._sample + 1 >= len(self._reference):
             raise gymnasium.error.ResetNeeded("no episode, or one that is over: reset the environment first")
         before_mm, now = self.plant.pull_mm, float(self._reference[self._sample])
@@ -200,7 +200,7 @@ class TrackingEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.plant = Plant(preset, self.sample_time, self.physics)
 
     def _error_deg(self) -> float:
-        """Return the measured error; the sensor's latency shows the oldest angle that is kept."""
+        """Return the measured error; with latency, the sensor shows the oldest stored angle."""
         measured = self._bends[0] + self._noise[self._sample]
         return float(measured - self._reference[self._sample])
 

@@ -1,7 +1,7 @@
 """Training of a tracking policy by PPO on `EndoTwin/Tracking-v0`, into one ONNX file that `ppo` runs.
 
-The endoscopes are reduced and another one is drawn for every episode; the parallel environments share out the
-strokes, so that one policy serves them all.
+The endoscopes are reduced and another one is drawn for every episode; the parallel environments divide the
+strokes among them, so that one policy serves all strokes.
 """
 
 import dataclasses

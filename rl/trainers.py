@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Records = Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
 """`(pull_mm (N,), bend_deg (N,))` of the training set."""
 OnProgress = Callable[[int, int, float], None]
-"""Called with how much is done, how much there is in all, and the latest mean reward per sample [deg^2]."""
+"""Called with the amount done, the total, and the latest mean reward per sample [deg^2]."""
 Train = Callable[[Records, ActiveModel, "TrainingOptions", Path, OnProgress | None], Path]
 TrainOnTwins = Callable[["Simulated", "TrainingOptions", Path, OnProgress | None], Path]
 
@@ -52,7 +52,7 @@ class Material:
 
 
 def material_of(knowledge: "Knowledge") -> Material:
-    """Return what a method may be trained on, of what a comparison knows."""
+    """Return the training material that the knowledge of a comparison provides."""
     active_model = ActiveModel(knowledge.reference, knowledge.sample_time)
     simulated = Simulated(*knowledge.twins) if knowledge.twins else None
     return Material(knowledge.records, active_model, simulated)
@@ -63,13 +63,13 @@ class Trainer:
     """Training of one method, on records or on simulated twins."""
 
     method: MethodSpec  # that it trains
-    # trains on records into a folder and returns the trained file; a finished run is left as it is, but for
-    # one of PPO that is asked for more episodes
+    # trains on records into a folder and returns the trained file; a finished run is kept, unless PPO is to
+    # train for more episodes
     train: Train | None = None
     on_twins: TrainOnTwins | None = None  # the same on twins of a preset, which it simulates
     unit: str = "steps"  # of progress, in the plural
-    # an episode is a record of whatever number of samples, as in PPO: at a shorter sample time, fewer
-    # episodes are as much to learn from
+    # an episode is a complete record, as in PPO: at a shorter sample time, fewer episodes contain as many
+    # samples
     counts_samples: bool = False
     # values of settings on twins that a search tries, each with each
     searched: Mapping[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)
@@ -81,7 +81,7 @@ class Trainer:
         folder: Path,
         on_progress: OnProgress | None = None,
     ) -> Path:
-        """Train from what there is into a folder, and return the trained file."""
+        """Train on the available material into a folder, and return the trained file."""
         if self.on_twins is not None:
             if material.simulated is None:
                 raise InputError(f"{self.method.name} is trained on twins of a preset: none is given")

@@ -47,7 +47,7 @@ from twin.workers.processes import choose_workers
 
 OnProgress = Callable[[int, int], None]
 NewProgress = Callable[[str, str], OnProgress]
-"""Begins to show the progress of a named stage, counted in some unit."""
+"""Starts the progress display of a named stage, counted in a unit."""
 
 SAMPLE_TIMES = (0.1, 0.02)
 PAPER_SAMPLE_TIME = 0.1  # T that the number of episodes refers to [s]
@@ -105,7 +105,7 @@ def run_full_suite(suite: Suite, progress: NewProgress) -> Result:
 
 
 def _refuse_mistakes(suite: Suite, preset: Preset) -> None:
-    """Refuse mistakes now, not after the training of other methods."""
+    """Refuse mistakes before other methods are trained."""
     if suite.member_physics == "reduced" and any(spec.ensembles for spec in suite.specs):
         refuse_gravity(preset)
     if any(find_training(agent).on_twins for agent in _to_train(suite)):
@@ -207,7 +207,7 @@ def _to_train(suite: Suite) -> list[str]:
 
 def _train_all(suite: Suite, known: Sequence[Knowledge], executor: Executor, progress: NewProgress) -> None:
     """Train every learned method that is not given, at every sample time, on as many samples at each."""
-    # PPO takes longest: what begins last would leave the other workers idle.
+    # PPO takes longest, so it starts first: otherwise the other workers would idle at the end.
     agents = sorted(_to_train(suite), key=lambda agent: not find_trainer(agent).counts_samples)
     jobs = [
         executor.submit(

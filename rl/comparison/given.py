@@ -1,6 +1,6 @@
 """Trained files that are given to a comparison, by agent, checked to fit it.
 
-Several of one agent are training runs of one method, which differ in their seed alone.
+Several files of one agent are training runs of one method that differ only in their seed.
 """
 
 from collections.abc import Sequence

@@ -172,4 +172,4 @@ class Result:
     scores: "list[Score]"  # of every method
     tracks: "dict[Condition, Record]"  # by noise: the first record with all estimates, at the first T
     records: int  # number of test records
-    remark: str = ""  # what else there is to say of them
+    remark: str = ""  # a further remark on them

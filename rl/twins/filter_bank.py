@@ -1,13 +1,13 @@
 """Noise models and the bank of filters that classifies the noise: one filter for each model.
 
-A noise model is a shape of mean zero. Where the noise lies is the sensor's zero b, a state of every filter,
-whose prior the user states: shapes are learned, places are not. A skewed shape has its mirror image in the
+A noise model is a shape of mean zero. The mean of the noise is the sensor's zero b, a state of every filter,
+whose prior the user states: shapes are learned, means are not. A skewed shape has its mirror image in the
 bank, with the same parameters.
 
 A noise model is a mixture of normal distributions in units of sqrt(R). Convolved with a normal belief of the
-angle it is one again, so that how likely it made an innovation, and where the angle is then, are known in
-closed form (Sorenson and Alspach 1971). Places, widths and weights change with R: a part of each is in units
-of sqrt(R), another in degrees, as the counts of a Poisson noise model are whole degrees whatever its R.
+angle it remains such a mixture, so that the likelihood of an innovation and the angle given it have a closed
+form (Sorenson and Alspach 1971). Places, widths and weights change with R: a part of each is in units of
+sqrt(R), another in degrees, as the counts of a Poisson noise model are whole degrees whatever its R.
 """
 
 import math

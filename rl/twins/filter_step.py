@@ -86,7 +86,7 @@ class FilterStep(torch.nn.Module):
         return state
 
     def widen(self, seen: Tensor) -> Tensor:
-        """Return (...) how many standard deviations half of a 95 % interval has."""
+        """Return (...) half of a 95 % interval, in standard deviations."""
         return DEVIATIONS_OF_95 * torch.exp(2 * torch.tanh(self.interval(seen)[..., 0]))
 
 
@@ -112,11 +112,11 @@ class MemberMotion(torch.nn.Module):
         return (first + of_zero)[:, :, None] * self.unit
 
     def keep(self, way_mm: Tensor) -> Tensor:
-        """Return (B, n) what is left of each number after a way (B,) [mm]."""
+        """Return (B, n) the shares of the numbers that remain after a travel (B,) [mm]."""
         return 1 - (1 - torch.exp(-way_mm / MEMORY_MM))[:, None] * self.of_error
 
     def growth(self, way_mm: Tensor, zero_deviation: Tensor, sample_time: Tensor) -> Tensor:
-        """Return (B, n) what the variances grow by."""
+        """Return (B, n) the growth of the variances."""
         of_error = (GROWTH_DEG2_PER_MM * way_mm + GROWTH_DEG2_PER_S * sample_time) * self.share_of_error
         of_zero = ZERO_PER_S * sample_time * zero_deviation * zero_deviation
         of_members = MEMBERS_PER_MM * way_mm[:, None] * self.of_members

@@ -1,6 +1,6 @@
 """The lessons of a filter on simulated twins: its gain, and the width of its interval.
 
-1. RAM (twins) learns its noise models (`learn_noise_models`), and what noise is like them
+1. RAM (twins) learns its noise models (`learn_noise_models`), and to detect noise unlike them
    (`fit_ood_detector`). No filter is needed for the first.
 2. Others learn by back-propagation through the filter: an analytic policy gradient. Errors count as they do
    in the published figure (`TypicalErrors`).
@@ -39,16 +39,16 @@ class TypicalErrors:
     def __init__(self, settings: NetworkTraining):
         shape = (len(settings.noises) + len(SITUATIONS), len(STRIDES), settings.windows)
         self.window = settings.window
-        self.means: NDArray[np.float64] = np.zeros(shape)  # zero where none has been met
-        self.met: NDArray[np.float64] = np.zeros(shape)  # how often each has been met
+        self.means: NDArray[np.float64] = np.zeros(shape)  # zero where none has occurred
+        self.met: NDArray[np.float64] = np.zeros(shape)  # number of occurrences
 
     def loss(self, square_deg2: torch.Tensor, window: Sequences, place: int) -> torch.Tensor:
-        """Return the balanced loss of one window, and meet it; arguments as in `meet`."""
+        """Return the balanced loss of one window, and add it to the means; arguments as in `meet`."""
         self.meet(square_deg2.detach(), window, place)
         return (self.factors(window, place) * square_deg2).mean()
 
     def meet(self, square_deg2: torch.Tensor, window: Sequences, place: int) -> None:
-        """Learn what is typical, by (B,) mean square errors of sequences in a window [deg^2]."""
+        """Update the means by (B,) mean square errors of sequences in a window [deg^2]."""
         scaled = square_deg2 / window.variance**POWER
         for family in torch.unique(window.family).tolist():
             where = family, STRIDES.index(window.stride), place
@@ -57,9 +57,9 @@ class TypicalErrors:
             self.means[where] += max(1 / self.met[where], _SLOWEST) * (square - self.means[where])
 
     def factors(self, window: Sequences, place: int) -> torch.Tensor:
-        """Return (B,) what the square errors [deg^2] of sequences count by.
+        """Return (B,) the weights of the square errors [deg^2] of sequences.
 
-        A family that has not been met at this sample time counts as those that have.
+        A family that has not yet occurred at this sample time counts as the mean of those that have.
         """
         stride = STRIDES.index(window.stride)
         weights = self._weights(float(window.sample_time[0]))
@@ -99,7 +99,7 @@ def filter_sequences(
 
 
 def fit_ood_detector(step: TwinsStep, source: SequenceSource, settings: TwinsTraining) -> None:
-    """Learn what the training's noises look like to the finished filter; from then on it is guarded."""
+    """Fit the detector to the training's noises as the finished filter sees them, and switch it on."""
     rng = random_stream(settings.seed, SeedUse.LESSON_FAMILIARITY)
     half = max(min(128, settings.interval_sequences // 2), 1)
     found: tuple[list[Histograms], list[Histograms]] = ([], [])
@@ -126,7 +126,7 @@ def learn_gain(
     on_update: OnUpdate | None = None,
     keeper: Keeper | None = None,
 ) -> None:
-    """Train all by back-propagation through the filter; a checkpoint is taken up.
+    """Train all by back-propagation through the filter, from the checkpoint if there is one.
 
     `draw` returns a number of sequences of a number of samples, as of a `SequenceSource`.
     """
@@ -258,7 +258,7 @@ _OF_INFORMATION = 0.3  # weight of that loss relative to the likelihood
 def learn_noise_models(
     noise_models: NoiseModelParameters, settings: TwinsTraining, on_update: OnUpdate | None = None
 ) -> None:
-    """Learn the density of each noise model, how often it is met, and the information of its samples."""
+    """Learn the density of each noise model, its frequency, and the information of its samples."""
     rng = random_stream(settings.seed, SeedUse.LESSON_LAWS)
     noise = draw_noises(settings.known_noises, settings.noise_model_sequences, _LENGTH, rng)
     known = noise.noise_model >= 0  # of the others the bank has no model

@@ -2,9 +2,9 @@
 
 They are chosen so that their ensemble makes other endoscopes of the ranges likely. An ensemble of M twins
 predicts any angle as a normal distribution whose mean and covariance are those of the members along the
-commands (Evensen 2003); of all M that could be taken, those are looked for under whose distribution other
-endoscopes are likeliest. Drawn or spread evenly over the ranges of the parameters, members leave out a few
-endoscopes that move far less than any of them, and it was chance which training had what.
+commands (Evensen 2003); the M members are chosen such that other endoscopes are likeliest under this
+distribution. Members that are drawn, or spread evenly over the ranges of the parameters, leave out a few
+endoscopes that move far less than any of them.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,9 +25,10 @@ Array = NDArray[np.float64]
 
 CANDIDATES = 8  # endoscopes that a member is chosen from
 WIDER = 1.15
-"""Times the ranges: what candidates are spread over. Members at the very ends hold more between them."""
+"""Factor on the ranges that candidates are spread over. Members at the far ends enclose more endoscopes."""
 UNEXPLAINED_DEG = 2.0
-"""Of an angle, what the ensemble need not explain; with less, members crowd where many endoscopes are."""
+"""Error of an angle that the ensemble need not explain; if it is smaller, members crowd where many endoscopes
+are."""
 COMMANDS = 10  # along which candidates are compared
 _SECONDS, _SAMPLE_TIME = 40.0, 0.1  # of each command
 _EVERY = 4  # samples; neighbours add little
@@ -66,7 +67,7 @@ def choose_members(
 
 
 def likeliest_ensemble(angles: Array, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Return which (M,) of C candidates make an ensemble under which all of them are likely.
+    """Return the (M,) places of the candidates, of C, under whose ensemble all of them are likely.
 
     A hundred times over, each member is exchanged for another candidate, drawn at random, if that is a gain
     (after Fedorov 1972, who tries all). Angles are (C, N) [deg].
@@ -107,7 +108,7 @@ def _along_commands(
     seed: int,
     on_progress: Callable[[int, int], None] | None,
 ) -> tuple[list[Preset], Array]:
-    """Return those that have an equilibrium, and their angles [deg], commands behind each other."""
+    """Return those that have an equilibrium, and their angles [deg], one command after another."""
     kinds, angles = list(SIGNALS), []
     stroke = stroke_mm[0] * 1e-3, stroke_mm[1] * 1e-3  # all: on a part, some hardly move
     for number in range(COMMANDS):
@@ -143,7 +144,7 @@ def _spread(count: int, dimensions: int, rng: np.random.Generator) -> Array:
 
     A Latin hypercube (McKay et al. 1979) of small discrepancy.
     """
-    from scipy.stats.qmc import LatinHypercube  # here: who only reads records needs none
+    from scipy.stats.qmc import LatinHypercube  # here: reading records does not need it
 
     shares: Array = LatinHypercube(dimensions, optimization="random-cd", rng=rng).random(count)
     return shares

@@ -1,13 +1,13 @@
 """One sample of RAM (memory) as a module of torch: the paper's active model and a policy that remembers.
 
-For those who have no twin of their endoscope online. With a model of Coleman and Hodgdon a prediction is
+It needs no twin of the endoscope online. With a model of Coleman and Hodgdon a prediction is
 affine in the angle, theta_k = keep theta_{k-1} + drive + f T, where f is the model's error, a random walk
 (eqs. 4-9). Keep and drive depend on the command alone and are computed outside.
 
-The policy is a gated recurrent unit (Cho et al. 2014). It sees every innovation and what belongs to it, and
-has four outputs: the total gain of eq. 10, the R by which P shrinks, the growth of P, and the mean b of the
-noise in units of sqrt(R). As in RAM (twins), the *sum* of both gains is bounded to [0, 1], a policy that
-outputs nothing changes nothing, and b is taken away at the output alone.
+The policy is a gated recurrent unit (Cho et al. 2014). It sees every innovation and its context, and has four
+outputs: the total gain of eq. 10, the R by which P shrinks, the growth of P, and the mean b of the noise in
+units of sqrt(R). As in RAM (twins), the *sum* of both gains is bounded to [0, 1], a policy that outputs zero
+changes nothing, and b is subtracted only from the output.
 """
 
 from typing import NamedTuple

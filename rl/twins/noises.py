@@ -1,7 +1,7 @@
 """Noise families of the training: each sequence has its own, with parameters of its own.
 
 A benchmark's noise has one level and fixed parameters (`twin.signals.noise`). Here nothing is fixed: a policy
-that is to recognise what it has not met must not learn five distributions by heart.
+that is to recognise unseen noise must not memorise five distributions.
 """
 
 import math
@@ -17,7 +17,7 @@ from twin.errors import InputError
 Array = NDArray[np.float64]
 
 LINEAR = ("gaussian", "uniform")
-"""Families without tails and skew: a learned gain can win little there, and spoil much."""
+"""Families without tails and skew: a learned gain can improve little there, and harm much."""
 VARIANCES = (0.05, 8.0)  # least and greatest R of most families [deg^2]; a variance of outliers may be larger
 
 
@@ -85,7 +85,7 @@ _Drawn = tuple[Array, float, int]
 class Family(NamedTuple):
     """Family of noise."""
 
-    weight: float  # how often it is met, among the others
+    weight: float  # its frequency relative to the others
     shapes: int  # into how many noise models it is divided; 0: the bank has none of it
     skewed: bool  # whether it is drawn to either side
     draw: Callable[[int, np.random.Generator], _Drawn]  # returns the noise of a sequence of so many samples
@@ -187,7 +187,7 @@ def _contaminated(samples: int, rng: np.random.Generator) -> _Drawn:
 
 
 def _two_modes(samples: int, rng: np.random.Generator) -> _Drawn:
-    """A sensor that reads one of two things."""
+    """A sensor that switches between two readings."""
     noise, variance, _ = _two_normals(samples, rng, (0.2, 0.5), (2.0, 6.0), (0.5, 1.5))
     return noise, variance, 0
 
@@ -221,7 +221,7 @@ FAMILIES: dict[str, Family] = {
     "two-modes": Family(0.06, 1, True, _two_modes),
     "correlated": Family(0.08, 0, True, _correlated),
 }
-"""Families by name, with how often each is met among those of a training."""
+"""Families by name, with their frequency in a training."""
 
 STANDARD = tuple(FAMILIES)
-"""Families that are met unless others are asked for."""
+"""Families of a training by default."""

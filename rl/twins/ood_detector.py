@@ -1,4 +1,4 @@
-"""Detector of noise that no training has met, from a histogram of residuals, and a robust filter for it."""
+"""Detector of noise that is in no training, from a histogram of residuals, and a robust filter for it."""
 
 import math
 from collections.abc import Callable
@@ -22,7 +22,7 @@ class ResidualHistogram(torch.nn.Module):
         self.centres = torch.nn.Buffer(torch.linspace(-LARGEST_RESIDUAL, LARGEST_RESIDUAL, BINS))
 
     def forward(self, residual: Tensor, doubt: Tensor) -> Tensor:
-        """Return (..., BINS) what residuals (...) count; the variance of the prediction is in units of R.
+        """Return (..., BINS) the counts of residuals (...); the variance of the prediction is in units of R.
 
         A residual, in units of sqrt(R), is shared by the two nearest bins; one that is in doubt counts less.
         """
@@ -164,6 +164,6 @@ class Fallback(torch.nn.Module):
         return share.clamp(min=0, max=1)
 
     def forward(self, strange: Tensor, counts: Tensor) -> Verdict:
-        """Return what a filter does under noise of counts (B, BINS) that is so strange (B,), from 0 to 1."""
+        """Return the verdict on noise of counts (B, BINS), which is strange (B,) from 0 to 1."""
         narrower = 1 - strange * (1 - self.narrower(counts))
         return Verdict(strange, narrower)

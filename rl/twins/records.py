@@ -26,12 +26,12 @@ Array32 = NDArray[np.float32]
 SAMPLE_TIME = 0.02  # between two samples of a training record [s]; coarser sampling thins it
 STROKE_MM = (-4.0, 4.0)  # of the commands, where none is asked for [mm]
 _NARROWEST = 1 / 8  # width of a stroke, as a share of the widest
-_WIDER = 1.3  # times the ranges: what a fourth of the twins is drawn from
+_WIDER = 1.3  # factor on the ranges that a quarter of the twins is drawn from
 _SPARE = 1  # twins beyond those that are asked for
 _LONGEST = 3600.0  # time that these have moved for when a record begins [s]
 _MOVING = 0.35  # share of twins whose sheath is bent on during the record
 _UNKNOWN = 0.4  # share of commands before which twins and members have moved, each along a path of its own
-_ONE_IN, _DISTURBED = 8, 1  # of so many twins, the place of that which is knocked, or whose drive sticks
+_ONE_IN, _DISTURBED = 8, 1  # one twin in so many is knocked, or its drive sticks: its place
 
 
 TwinArrays = tuple[Array32, Array32, Array32]
@@ -78,7 +78,7 @@ def simulate_records(
             begun = before.shape[1]
             drives = [np.concatenate(both) for both in zip(before, drives, strict=True)]
             sheath_bends = [of if of is None else np.pad(of, (begun, 0), "edge") for of in sheath_bends]
-        # One command at a time: a whole record holds a hundred times what is kept of it.
+        # One command at a time: a complete record is a hundred times larger than the part that is kept.
         episodes = simulate_batch(presets, drives, SAMPLE_TIME, sheath_bends=sheath_bends)
         angles = [episode.truth_deg[begun:].astype(np.float32) for episode in episodes if episode is not None]
         if any(episode is None for episode in episodes[:count]) or len(angles) < count + twins:
@@ -96,7 +96,7 @@ def simulate_records(
 
 
 def sticking(pull: Array, rng: np.random.Generator) -> Array:
-    """Return what a drive that sticks makes of a command (N,) [m]: it slips once it is off by too much."""
+    """Return the motion (N,) [m] of a sticking drive under a command: it slips once it lags too far."""
     most, held, moved = rng.uniform(0.05e-3, 0.3e-3), pull[0], pull.copy()
     for place, wanted in enumerate(pull):
         if abs(wanted - held) > most:
@@ -106,7 +106,7 @@ def sticking(pull: Array, rng: np.random.Generator) -> Array:
 
 
 def knock(pull: Array, rng: np.random.Generator) -> Array32:
-    """Return the angle (N,) [deg] that a knock adds; the wire's way along a command [m] takes it back."""
+    """Return the angle (N,) [deg] that a knock adds; it decays with the wire's travel along a command [m]."""
     at, size = rng.integers(len(pull) // 6, len(pull)), rng.choice([-1, 1]) * rng.uniform(0.5, 4.0)
     way = np.concatenate([[0.0], np.abs(np.diff(pull)).cumsum()])
     added = size * np.exp(-(way - way[at]) / rng.uniform(1e-3, 10e-3))
@@ -141,7 +141,7 @@ FROM_THE_START = 0.5  # share of sequences that begin where the record begins
 CALIBRATED = 0.35  # share of sensors whose zero is known
 ZERO_DEVIATIONS_DEG = (0.1, 4.0)  # of the others
 SITUATIONS = ("wrong variance", "changed noise", "disturbed")
-"""What may happen that no filter of the bank assumes: each counts as much as a family of noise."""
+"""Situations that no filter of the bank assumes: each counts as much as a family of noise."""
 WRONG, CHANGED = 0.10, 0.08  # share of sequences of the first two
 LARGEST_FACTOR = 3.0  # by which a given R is wrong, or the deviation of a noise changes
 
@@ -174,14 +174,14 @@ Prediction = Callable[[TwinArrays, Places, Places], tuple[torch.Tensor, ...]]
 
 
 def by_members(records: TwinArrays, command: Places, index: Places) -> tuple[torch.Tensor, ...]:
-    """Return the angle of the members (N, B, M) [deg] and the way of the tendon (N, B) [mm]."""
+    """Return the angle of the members (N, B, M) [deg] and the travel of the tendon (N, B) [mm]."""
     pull_mm, members_deg, _ = records
     way_mm = np.abs(np.diff(pull_mm[command, index], axis=0))
     return tensor32(members_deg[command, :, index[1:]]), tensor32(way_mm)
 
 
 def by_model(model: ColemanHodgdon) -> Prediction:
-    """Return what gives keep, drive [deg] and the increment of the pull [mm], each (N, B)."""
+    """Return the function that gives keep, drive [deg] and the increment of the pull [mm], each (N, B)."""
 
     def predict(records: TwinArrays, command: Places, index: Places) -> tuple[torch.Tensor, ...]:
         pull = records[0][command, index].astype(float)

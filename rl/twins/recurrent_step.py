@@ -1,13 +1,13 @@
 """One sample of a network or a learned gain on a model: the rivals of RAM (twins) as modules of torch.
 
-All predict by the model of Coleman and Hodgdon, theta_k|k-1 = keep theta_{k-1} + drive + f T, see the same
-numbers and remember by one cell. They differ in their output:
+All predict by the model of Coleman and Hodgdon, theta_k|k-1 = keep theta_{k-1} + drive + f T, have the same
+inputs and one memory cell. They differ in their output:
 
-- `Correction`: what is to be added to the prediction, in units of sqrt(R). A network that filters.
+- `Correction`: the correction of the prediction, in units of sqrt(R). A network that filters.
 - `LearnedGain`: the gains of theta and of f on the innovation (KalmanNet, Revach et al. 2022). It may output
   the mean of the noise too, which is subtracted.
-- `RecursiveGain`: the gains, and what the variance of the prediction grows by. The variance goes on by
-  Joseph's form; gains and variance are learned by likelihood (Recursive KalmanNet, Mortada et al. 2025).
+- `RecursiveGain`: the gains, and the growth of the variance of the prediction. The variance follows Joseph's
+  form; gains and variance are learned by likelihood (Recursive KalmanNet, Mortada et al. 2025).
 
 A state of zeros has seen nothing: the first measurement is then the first prediction.
 """
@@ -297,7 +297,7 @@ class LearnedGainAndBias(LearnedGain):
 
 
 class RecursiveGain(LearnedGain):
-    """Gains, and a variance that goes on from sample to sample."""
+    """Gains, and a variance that is propagated from sample to sample."""
 
     by_likelihood = True
     outputs = 3

@@ -54,7 +54,7 @@ class Learner:
     """Method that is trained on twins: all that differs from one to the next."""
 
     training: Training  # its agent and its file
-    # returns the untrained step, and what it predicts by, for the records to learn from
+    # returns the untrained step, and the inputs of its prediction, for the training records
     begin: Callable[[TwinArrays], tuple[FilterStep, Prediction]]
     # writes the trained step with a description, which has the members, to a path
     export: Callable[[Any, dict[str, Any], Path], None]
@@ -164,7 +164,7 @@ def _train(
         SENSOR: SensorModel.of(preset).to_dict(),
         **extra,
     }
-    learner.export(step, description, path)  # the last: where the file is, the run is finished
+    learner.export(step, description, path)  # written last: it marks the run as finished
     (path.parent / CHECKPOINT_FILE).unlink(missing_ok=True)
 
 
@@ -208,7 +208,7 @@ def _by_gradient(
 def scaled_to_options(
     train: Callable[[Preset, Ranges, Settings, Path, OnProgress | None], Path], settings: Settings
 ) -> TrainOnTwins:
-    """Return a training that takes options: by these settings, but for what is given."""
+    """Return a training with these settings, scaled by options and changed by those of the material."""
 
     def run(
         simulated: Simulated, options: TrainingOptions, folder: Path, on_progress: OnProgress | None = None

@@ -5,17 +5,18 @@ The active model (eqs. 4-9) predicts by M twins that follow the command:
     theta = mean of the members + c . a + d,      y = theta + b + noise,
 
 where a are the anomalies of the members along r fixed directions, c their coefficients (Evensen 2003) and d
-what no member does, which decays with the way of the tendon (`rl/twins/filter_step.py`). It knows R, and how
-well the sensor's zero b is known. The shape of the noise is classified: a bank of such filters, one for each
-shape, is weighed by what is measured (`rl/twins/filter_bank.py`). The innovation moves a filter by the share
-of each part of its shape, so that the gain depends on the innovation, as K_AM + K_RAM of eq. 10 does.
+the motion that no member has, which decays with the travel of the tendon (`rl/twins/filter_step.py`). It
+knows R, and how well the sensor's zero b is known. The shape of the noise is classified: a bank of such
+filters, one for each shape, is weighed by what is measured (`rl/twins/filter_bank.py`). The innovation moves
+a filter by the share of each part of its shape, so that the gain depends on the innovation, as K_AM + K_RAM
+of eq. 10 does.
 
 A policy that acted on gain, R and growth was tried in three forms, learned by back-propagation and by PPO. It
 gained nothing beyond the bank, and is left out (docs/ram_twins.md).
 
-The filter alone runs alongside, which knows R and b's deviation and nothing more (`PlainFilter`). Where the
-noise is like none of the training (`OodDetector`), the classifier is disabled, and the filter alone is left,
-as a robust one (`Fallback`).
+A filter that knows only R and the deviation of b runs alongside (`PlainFilter`). Where the
+noise is like none of the training (`OodDetector`), the classifier is disabled, and only that filter is used,
+in a robust form (`Fallback`).
 """
 
 import math
@@ -92,7 +93,7 @@ class PlainFilter(torch.nn.Module):
 
 SCALARS = 20  # that the interval is made of, next to the probabilities of the noise models
 RECENT, SLOW = 30.0, 200.0  # samples of the running statistics
-BOUND = 3.0  # of an innovation in a covariance, in units of sqrt(R): outliers tell little of it
+BOUND = 3.0  # of an innovation in a covariance, in units of sqrt(R): outliers carry little information
 CHANCE = 2.0  # standard deviations of a correlation that independent samples have by chance
 MOST_CORRELATED = 0.95  # from one sample to the next
 
@@ -193,8 +194,9 @@ def independence(state: FilterState) -> Tensor:
     """Return (B,) for how many independent samples a sample counts, by the correlation of the innovations.
 
     A mean over samples with the correlation rho from one to the next is as uncertain as that over
-    (1 - rho) / (1 + rho) times as many (Bayley and Hammersley 1946). What twins do not explain is correlated
-    too, but makes innovations larger than R and P allow: by so much less are they correlated.
+    (1 - rho) / (1 + rho) times as many (Bayley and Hammersley 1946). Errors that twins do not explain are
+    correlated too, but they make innovations larger than R and P allow: the correlation is reduced
+    accordingly.
     """
     *_, lagged, power, _ = (of[:, 0] for of in state.statistics.split(1, dim=1))
     unexplained = torch.relu(power - 1)
