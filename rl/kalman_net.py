@@ -1,12 +1,12 @@
 """The active model with a learned gain, after KalmanNet (Revach et al. 2022, arXiv 2107.10043).
 
 The state is that of the active model, X = [theta, f]: the bending angle [deg] and the error of the model
-[deg / s]. So is the prediction, theta_k|k-1 = step(theta_{k-1}) + f T. The correction K (y_k - theta_k|k-1)
-has its gain from a small recurrent network in place of P, Q and R. It sees the paper's four features, F1 the
-difference of successive measurements, F2 the innovation, F3 the difference of successive estimates and F4 the
-latest correction, in units of the given sqrt(R). From F1 and F3 the model's prediction is subtracted: a pull
-that moves the angle is then no surprise, and errors that grow together with sqrt(R) are filtered alike. For
-f, F3 and F4 are the same.
+[deg / s]. The prediction is also that of the active model, theta_k|k-1 = step(theta_{k-1}) + f T. The
+correction K (y_k - theta_k|k-1) has its gain from a small recurrent network in place of P, Q and R. It sees
+the paper's four features, F1 the difference of successive measurements, F2 the innovation, F3 the difference
+of successive estimates and F4 the latest correction, in units of the given sqrt(R). From F1 and F3 the
+model's prediction is subtracted: a pull that moves the angle is then no surprise, and errors that grow
+together with sqrt(R) are filtered alike. For f, F3 and F4 are the same.
 
 The gains are bounded: K_theta in [0, 1], a convex step towards the measurement, and K_f in [0, 2] per second.
 Without a measurement the filter predicts, and the network stays as it is. It learns by back-propagation

@@ -1,8 +1,8 @@
-"""Common run of all verbs: parse the command line, work, print the summary, and end with an exit code.
+"""Common steps of all verbs: parse the command line, work, print the summary, and end with an exit code.
 
-Whatever a command is given, it ends in a summary on stdout, or in one line on stderr that is no longer than
-`LONGEST_LINE`. ENDOTWIN_TRACEBACK=1 shows where an error comes from. Heavy packages are imported when a verb
-runs, not at the top of its file: `--help` answers at once.
+Any input leads to a summary on stdout, or to one line on stderr that is no longer than `LONGEST_LINE`.
+ENDOTWIN_TRACEBACK=1 shows where an error comes from. Heavy packages are imported when a verb runs, not at the
+top of its file: `--help` answers at once.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ from twin.errors import InputError, MissingExtraError, missing_extra
 from twin.files.program import program_at_fault
 
 Arguments = TypeVar("Arguments")
-MISTAKE = 2  # exit status where something cannot be done
+MISTAKE = 2  # exit status of a command that cannot do its work
 LONGEST_LINE = 300  # characters of the line that states why
 MODULES = {"import": "import_log"}
 """Module of each verb that cannot name one: `import` is a keyword of Python."""

@@ -150,7 +150,7 @@ def control(args: Control) -> Summary:
 def _check_tracking(
     settings: "ControlSettings", specs: "Sequence[ControllerSpec]", conditions: "Sequence[ControlCondition]"
 ) -> None:
-    """Refuse a policy of another loop before anything is run, and say which conditions it is left out of."""
+    """Refuse a policy of another loop before any run, and state the conditions that it is left out of."""
     from twin.control.comparison import places_of
     from twin.control.controllers.ppo import load_tracking_policy
 
@@ -167,7 +167,7 @@ def _check_tracking(
 
 
 def _warn_of_training(settings: "ControlSettings") -> None:
-    """Say if commands may go beyond what RAM (twins) was trained for: its monitor falls back there."""
+    """Warn if commands may go beyond the training of RAM (twins): its monitor falls back there."""
     if settings.policy is None:
         return
     from twin.estimation.deployment import deployment_of
@@ -184,7 +184,7 @@ def _warn_of_training(settings: "ControlSettings") -> None:
 
 
 def _draw(comparison: "Comparison", out: Path, ours: str | None) -> None:
-    """Write the figures; poses, of the first controller behind ours, where there is what can draw them."""
+    """Write the figures, and poses, with the first controller as a ghost of ours, if they can be drawn."""
     from twin.control.results import RECORDS
     from twin.files.atomic import write_whole
     from twin.recording import read_episode

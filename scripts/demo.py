@@ -1,4 +1,4 @@
-"""`endotwin demo`: the whole pipeline, end to end, by the commands that a user would type."""
+"""`endotwin demo`: the complete pipeline, end to end, by the commands that a user would type."""
 
 import dataclasses
 import json
@@ -72,7 +72,7 @@ def demo(args: Demo) -> Summary:
     ]
     train = {made.agent: f"{learn} --agent {made.agent} --out {runs}/{made.agent}" for made in training}
     policies = [made.agent for made in training if made.file == POLICY_FILE]
-    # A tenth of a whole training of twins: the demo is over in minutes.
+    # A tenth of a complete training on twins: the demo takes minutes.
     share = max(args.episodes // 10, 1)
     twins = f"train --protocol twins --preset {PRESET} --seed {args.seed} --episodes {share}"
     ours = next(spec.training for spec in method_specs() if spec.presentation.leading and spec.training)
@@ -142,13 +142,13 @@ def _run_side_by_side(commands: Sequence[str]) -> None:
     try:
         for command in commands:
             say(f"$ endotwin {command}", sys.stderr)
-            # `-P`: not a folder called `twin` where the user happens to stand.
+            # `-P`: not a folder called `twin` in the current one.
             words = [sys.executable, "-P", "-m", "twin", *shlex.split(command)]
             running.append(subprocess.Popen(words, stdout=sys.stderr))
         codes = [process.wait() for process in running]
     finally:
         for process in running:
-            process.terminate()  # if this one is stopped; they clean up behind themselves
+            process.terminate()  # if this one is stopped; they clean up
         for process in running:
             process.wait()
     for command, code in zip(commands, codes, strict=True):

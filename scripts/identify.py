@@ -128,7 +128,7 @@ def _log(episode: "Episode", number: int, args: Identify) -> "Log":
     from twin.identification.nuisances import Log, determines_delay
 
     has_zero = args.model != PrandtlIshlinskii.name
-    # A phase is played at a rate of our own: its delay would be of no clock.
+    # A phase is played at a rate of our choice: a delay has no meaning there.
     has_clock = episode.is_measured and episode.metadata.get("seconds_per_cycle") is None
     has_offset, has_delay = (setting == "on" for setting in (args.offset, args.delay))
     if args.offset == "auto":

@@ -46,7 +46,7 @@ ORIGINS = (
 BACKLOG = 1024  # messages that wait for one viewer, of all topics; the oldest give way to new ones
 _MESSAGE = struct.Struct("<BIQ")  # 1 for a message, number of the subscription, log time [ns]
 _LARGEST_NUMBER = 2**32 - 1  # of a subscription
-_LONGEST_REQUEST = 2**16  # bytes of what a viewer may say
+_LONGEST_REQUEST = 2**16  # bytes of a message of a viewer
 _LONGEST_GOODBYE_S = 1.0
 
 
@@ -88,7 +88,7 @@ class _Viewer:
         self._loop, self._ready, self._waits = loop, asyncio.Event(), False
 
     def offer(self, message: bytes) -> None:
-        """Have a message sent as soon as the viewer takes it; called from any thread."""
+        """Queue a message for the viewer; called from any thread."""
         self._pending.append(message)
         if self._waits:
             self._waits = False
@@ -111,7 +111,7 @@ class LiveViewer:
     """WebSocket server of all messages of a live stream; any number of viewers may come and go.
 
     It never waits for a viewer: of one that is slow or gone, the oldest messages are dropped beyond
-    `BACKLOG`. Topics without viewers cost nothing. What viewers say is ignored, but for subscriptions.
+    `BACKLOG`. Topics without viewers cost nothing. Messages of viewers other than subscriptions are ignored.
     """
 
     def __init__(
@@ -220,7 +220,7 @@ class LiveViewer:
         return None if why is None else connection.respond(HTTPStatus.FORBIDDEN, f"{why}\n")
 
     async def _serve(self, connection: "ServerConnection") -> None:
-        """Tell a new viewer what there is, and take its subscriptions."""
+        """Advertise the topics to a new viewer, and take its subscriptions."""
         viewer = _Viewer(connection, self._loop)
         self._viewers += (viewer,)
         sending = asyncio.create_task(viewer.send_all())

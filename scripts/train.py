@@ -227,7 +227,7 @@ class _Before:
         self.stopped = {folder.name for folder in folders if (folder / CHECKPOINT_FILE).is_file()}
 
     def in_words(self) -> str:
-        """Return, after the training, what of it was there."""
+        """Return, after the training, which of the runs existed before it."""
         parts: dict[str, list[str]] = {}
         for name, written in self.written.items():
             if written:
@@ -241,7 +241,7 @@ class _Before:
 
 
 def _written(path: Path) -> int:
-    """Return when a file was written [ns]; 0 if it is not there."""
+    """Return the time at which a file was written [ns]; 0 if it does not exist."""
     return path.stat().st_mtime_ns if path.is_file() else 0
 
 
@@ -261,7 +261,7 @@ def _agent(args: Train) -> str:
 
 
 def _first_given(args: Train, names: Collection[str]) -> str | None:
-    """Return the flag of the first of some options that is not as it is by default; None if all are."""
+    """Return the flag of the first option that differs from its default; None if none does."""
     for field in dataclasses.fields(Train):
         if field.name in names and getattr(args, field.name) != field.default:
             return f"--{field.name.replace('_', '-')}"

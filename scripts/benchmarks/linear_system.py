@@ -1,4 +1,4 @@
-"""A linear system on which learned gains were published: a body of nearly constant speed, its place measured.
+"""Linear system on which learned gains were published: place and nearly constant speed of a body.
 
 x' = [1 1; 0 1] x + (0, w), y = x_0 + v, with w of variance 1e-4 and T = 1 s, for 150 samples from a speed of
 1 +- 0.1 (Mortada et al. 2025; their code states the numbers). v has variance 1: normal, or of two

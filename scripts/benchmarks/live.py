@@ -18,7 +18,7 @@ from twin.estimation.learned.trained_file import read_trained_file
 from twin.preset.preset import Preset
 
 SAMPLES = 20_000
-AT_ONCE = 500  # samples of the one, then of the other: both meet the same noise of the machine
+AT_ONCE = 500  # samples of the one, then of the other: both see the same load of the machine
 T = 0.1  # [s]
 PERIOD_S = 8.0
 FIRST_DEG = 60.0

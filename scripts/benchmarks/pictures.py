@@ -32,7 +32,7 @@ def pictures(preset: Preset, amplitude: float) -> dict[str, Result]:
 
 
 def _frames_per_second(draw: Callable[[int], object], samples: int) -> float:
-    """Return the best rate of some runs: what other programs take from this one is not its own."""
+    """Return the best rate of some runs: other programs can only slow it down."""
     draw(0)
     rates = []
     for _ in range(_REPEATS):

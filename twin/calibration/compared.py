@@ -28,7 +28,7 @@ def rival_errors(name: str, loops: Sequence[MeasuredLoop], seed: int, plane: int
     it, a delay of the command are fitted with it, as they are with the twin.
 
     Returns:
-        The error at all samples of each log (N,) [rad]; None where there is no such angle, or what was fitted
+        The error at all samples of each log (N,) [rad]; None where there is no such angle, or the fitted part
         does not move or never turns back.
     """
     bends = np.array([loop.sheath_bend or 0.0 for loop in loops])
@@ -75,8 +75,8 @@ def _error(model: HysteresisModel, log: Log, offset_deg: float, delay_s: float, 
 def _logs(loops: Sequence[MeasuredLoop], plane: int, *, centred: bool) -> list[Log | None]:
     """Return the command and angle of a plane of each log, None where it has no such angle.
 
-    Models that are odd about zero could not follow logs whose middle is elsewhere. They get command and angle
-    about the middle of what is fitted. A play starts from rest at zero: its model gets them as they are.
+    Models that are odd about zero cannot follow logs with another middle: they get command and angle about
+    the middle of the fitted samples. A play starts from rest at zero: its model gets them unchanged.
     """
     pairs = [(loop, loop.pull_in(plane), loop.bend_in(plane)) for loop in loops]
     fitted = [(pull[loop.fitted], bend[loop.fitted]) for loop, pull, bend in pairs if bend.size]

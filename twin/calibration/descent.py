@@ -75,7 +75,7 @@ ALONG = ("joint_friction_taper", "section_stiffness", "joint_friction")
 """Parameters to walk along; the first that is fitted is taken."""
 STRIDES = (0.1, 0.03)  # length of a step on the scale of the search, of each walk
 FARTHEST = 10  # most steps to a side
-TOO_HIGH = 1.5  # cost at which a walk ends, times the lowest that it met
+TOO_HIGH = 1.5  # cost at which a walk ends, times its lowest so far
 
 
 def parameter_along(free: FreeParameters) -> str | None:
@@ -96,7 +96,7 @@ def walk(
     threads: int,
     stopped: threading.Event,
 ) -> Array:
-    """Return what a walk from a point (P,) to one side meets, (FARTHEST, 1 + P): cost and point of each step.
+    """Return cost and point of each step of a walk from a point (P,) to one side, (FARTHEST, 1 + P).
 
     The other parameters descend after each stride of the named one. A walk ends early where the cost rises to
     `TOO_HIGH`, or at a limit; then the last step stands for the rest.
@@ -182,7 +182,7 @@ def descend(
 ) -> Array:
     """Return the cost that least squares (SciPy's `trf`) reaches from a point (P,), and where, (1 + P,).
 
-    Derivatives are `secants` where it is to go to the bottom, else one-sided differences, at half the cost.
+    Derivatives are `secants` where it has to reach the minimum, else one-sided differences, at half the cost.
     """
     valley = Valley(free)
     margin = 1e-6

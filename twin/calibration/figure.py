@@ -27,7 +27,7 @@ def fit_figure(logs: Sequence[Compared]) -> Figure:
     """Plot logs and their simulation over pull, one log a column, each row on shared axes.
 
     Rows are the bend, its error with those of the models that are compared, the same of the second plane, and
-    tensions. What was fitted is red, what was only predicted blue; of an angle whose zero is not known, a
+    tensions. Fitted parts are red, predicted ones blue; of an angle whose zero is not known, a
     prediction is shown less its mean error.
     """
     logs = logs[:MOST_DRAWN]

@@ -96,8 +96,7 @@ def penalised(
 ) -> Array:
     """Return the residuals of points (P,) of the search space, and their `departure` (points, R + P).
 
-    Parameters that the logs hardly determine would run to their limits, where they mean nothing and predict
-    badly.
+    Without it, parameters that the logs hardly determine would run to their limits and predict badly.
     """
     presets = [free.decode(numbers) for numbers in points]
     off = residuals(presets, loops, physics, threads, weight=weight)
@@ -105,7 +104,7 @@ def penalised(
 
 
 def departure(free: FreeParameters, points: Array, weight: float) -> Array:
-    """Return what points (..., P) depart from the first guess, as residuals (..., P)."""
+    """Return the departures of points (..., P) from the first guess, as residuals (..., P)."""
     return weight * (points - free.start) / free.spread
 
 
@@ -131,7 +130,7 @@ def channels(loops: Sequence[MeasuredLoop]) -> list[list[slice]]:
 def prior_weight(cost: float, loops: Sequence[MeasuredLoop]) -> float:
     """Return the weight of the first guess for a fit of this cost: `PRIOR` at most.
 
-    What noise leaves is explained. It determines the least weight: that of a prior next to the likelihood.
+    A cost that noise explains gives the least weight: that of a prior next to the likelihood.
     """
     noise = float(sum(loop.noise.sum() for loop in loops) / BEND_SCALE**2)
     unexplained = max(cost - noise, 0.0)
@@ -216,7 +215,8 @@ def _of_log(
 
 
 MOST = 30.0
-"""Largest factor between a scale and the usual one: a channel that is met exactly does not outweigh all."""
+"""Largest factor between a scale and the usual one: a channel with an exact fit does not outweigh the
+others."""
 
 
 def weighed(loops: Sequence[MeasuredLoop], residual: Array) -> list[MeasuredLoop]:

@@ -53,7 +53,7 @@ class Stages:
     """Stages of one calibration."""
 
     def __init__(self, total: int, state_file: Path | None, key: str, on_progress: OnProgress | None) -> None:
-        """Take up what an interrupted calibration with the same key left."""
+        """Resume the state of an interrupted calibration with the same key."""
         self._kept = (read_state(state_file, STATE, key) if state_file else None) or {}
         self._state_file, self._key, self._on_progress = state_file, key, on_progress
         self._total, self._done = total, 0
@@ -68,7 +68,7 @@ class Stages:
                 self._on_progress(self._done, self._total, self._lowest)
 
     def once(self, name: str, shape: tuple[int, ...], work: Callable[[], Array]) -> Array:
-        """Return the result of a stage: as it was kept, or worked out and kept."""
+        """Return the stored result of a stage, or compute and store it."""
         if (found := self._kept.get(name)) is not None:
             if self._state_file and found.shape != shape:
                 raise damaged_state(self._state_file, STATE)
@@ -83,7 +83,7 @@ class Stages:
     def side_by_side(
         self, work: Callable[[T, threading.Event], R], items: Sequence[T], cost_of: Callable[[R], float]
     ) -> list[R]:
-        """Return the work on each item, in threads of their own, and report each."""
+        """Return the results for all items, computed in threads, and report each."""
         stopped = threading.Event()
         with ThreadPoolExecutor() as pool:
             waiting = [pool.submit(work, item, stopped) for item in items]
@@ -109,7 +109,7 @@ class Fit:
     reduced_cost: float  # the same of the reduced twin, on which the search was made
     jacobian: Array  # derivative of the residuals with respect to the search space, (R, P)
     residual: Array  # residuals, weighted as at the end of the search, (R,)
-    # points that walks met near the fit of the reduced twin, (K, 1 + P): rise of the cost, and distance in
+    # points of the walks near the fit of the reduced twin, (K, 1 + P): rise of the cost, and distance in
     # the search space
     neighbours: Array = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
     # parameters that are not fitted, although the motion depends on them, and derivatives with respect to
@@ -244,8 +244,9 @@ def calibrate(
     """Fit a preset to logs.
 
     On the reduced twin: random candidates about the first guess are tried, least squares in a trust region
-    (SciPy's `trf`) goes down from the best, and to the bottom from the best of these. Walks along its valley
-    then look for a lower one. `confirmed` moves the fit to where the twin in MuJoCo agrees with the logs.
+    (SciPy's `trf`) starts from the best of them, and continues to the minimum from the best of these. Walks
+    along its valley then look for a lower one. `confirmed` moves the fit to where the twin in MuJoCo agrees
+    with the logs.
     """
     if not loops:
         raise InputError("no log to calibrate on")
@@ -275,7 +276,7 @@ def calibrate(
             left_of = residuals([free.decode(numbers)], loops, "reduced")[0]
             search.loops = weighed(loops, left_of)
             cost, numbers = search.walk(number, which, numbers, weight)
-    else:  # what the twin cannot explain outweighs what neighbouring valleys differ by
+    else:  # the unexplained part outweighs the differences between neighbouring valleys
         stages.finish(cost, WALK * len(STRIDES))
     fit = confirmed(
         free,
@@ -291,7 +292,7 @@ def calibrate(
 
 
 def check_effort(starts: int, seed: int) -> None:
-    """Refuse a number of starts or a seed that cannot be."""
+    """Refuse an impossible number of starts or seed."""
     check_between("starts", starts, 1, MOST_STARTS)
     check_between("seed", seed, 0, MOST_SEED)
 
@@ -301,7 +302,7 @@ def foreseen_seconds(
 ) -> float:
     """Return about how long a search takes on this machine [s], from the time of a few simulations."""
     free = structures[0]
-    residuals([free.base], loops, "reduced")  # what is compiled or loaded first is no part of it
+    residuals([free.base], loops, "reduced")  # compiling and loading are not part of it
     begun = time.perf_counter()
     residuals([free.base] * TRIALS, loops, "reduced")
     each = (time.perf_counter() - begun) / TRIALS
@@ -312,7 +313,7 @@ def foreseen_seconds(
 
 
 class _Search:
-    """Search of one calibration: its logs as they are weighed, and the points that its walks met."""
+    """Search of one calibration: its logs as they are weighed, and the points of its walks."""
 
     def __init__(
         self, structures: Sequence[FreeParameters], loops: Sequence[MeasuredLoop], starts: int, stages: Stages
@@ -418,7 +419,7 @@ class _Search:
         return (reached, end) if reached < LOWER * cost else (cost, numbers)
 
     def neighbours(self, which: int, numbers: Array, weight: float) -> Array:
-        """Return `Fit.neighbours`: of the points that walks met, the lowest within each shortest stride."""
+        """Return `Fit.neighbours`: of the points of all walks, the lowest within each shortest stride."""
         free = self.structures[which]
         name = parameter_along(free)
         if not self._met or name is None:

@@ -57,7 +57,7 @@ def uncertainty(fit: Fit) -> Uncertainty:
     zero_deviation = float(np.sqrt(slope @ everything @ slope)) if slope.size else np.nan
     between = _between(fit.neighbours, jacobian, variance) if fit.neighbours.size and variance > 0 else 0.0
     covariance, in_all = covariance + between, everything[:count, :count] + between
-    blind = np.abs(jacobian).max(axis=0) < 1e-9  # no residual feels the parameter
+    blind = np.abs(jacobian).max(axis=0) < 1e-9  # no residual depends on the parameter
     covariance[blind] = covariance[:, blind] = 0.0
     deviation, total = (
         np.where(blind, np.inf, np.sqrt(np.maximum(np.diag(of), 0.0))) for of in (covariance, in_all)
@@ -76,7 +76,7 @@ def uncertainty(fit: Fit) -> Uncertainty:
 
 
 def _conditions(fit: Fit, deviation: Array, total: Array, everything: Array) -> list[str]:
-    """Return what the logs determine only together with a parameter that is not fitted, for each of these."""
+    """Return, for each parameter that is not fitted, those that the logs determine only together with it."""
     count, found = len(fit.free.names), dict[str, list[str]]()
     alone, all_of = (fit.free.standard_deviation(fit.preset, of) for of in (deviation, total))
     for place, name in enumerate(fit.free.names):

@@ -1,4 +1,4 @@
-"""Anticipation of a known reference: long travels of the command begin before they are due.
+"""Anticipation of a known reference: long travels of the command begin early.
 
 Where friction holds the bend, the command travels millimetres before the bend moves on. The earlier it
 begins, the further the bend is ahead of the reference at first, and the less it is late afterwards. The error
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Along = Callable[[Array, NDArray[np.int64]], Array]
 """From pulls (N,) [mm], one after the other, and the samples (N,) that each takes: bends (N,) then [deg]."""
 
-LATE_DEG, IN_TIME_DEG = 0.3, 0.1  # error that the command goes ahead for, and the one that it goes on for
+LATE_DEG, IN_TIME_DEG = 0.3, 0.1  # errors for which the command begins ahead of the reference, and continues
 LOOKS_EVERY_S = 0.06
 LOOKS_AHEAD_S = (0.06, 0.12, 0.2, 0.3, 0.42, 0.56, 0.72, 0.9)  # where model and reference are compared
 
@@ -56,7 +56,7 @@ class Anticipation:
             self.forget()
             return math.nan
         if not self._waits:
-            # It begins for what the reference asks, never for an error that the bend has already.
+            # It begins only for a motion of the reference, never for an existing error of the bend.
             at = bend_deg if self.direction else reference_deg
             self._look(pull_mm, at, reference_preview_deg, along)
             self._waits = self._every
@@ -69,7 +69,7 @@ class Anticipation:
         return pull_mm + self.direction * self._way_mm * self._goes
 
     def _look(self, pull_mm: float, bend_deg: float, reference_preview_deg: Array, along: Along) -> None:
-        """Compare the reference with what the limit of speed brings, and begin, go on or wait."""
+        """Compare the reference with the bend at the speed limit, and begin, continue or wait."""
         looks = self._looks[self._looks <= len(reference_preview_deg)]
         direction = self.direction or math.copysign(1.0, reference_preview_deg[-1] - bend_deg)
         low, high = self._limits.low_mm, self._limits.high_mm

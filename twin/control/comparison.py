@@ -1,4 +1,4 @@
-"""Comparison of controllers: models, tuning and trials, side by side on workers; a stopped one goes on."""
+"""Comparison of controllers: models, tuning and trials, side by side on workers; a stopped one is resumed."""
 
 import dataclasses
 import math
@@ -90,7 +90,7 @@ def _trials(
 
 OnProgress = Callable[[int, int, str], None]
 PARTS = "parts"
-"""Folder of what is done: one file for each search and for each controller under each condition."""
+"""Folder of finished results: one file for each search and for each controller under each condition."""
 _KIND = "part of a comparison of controllers"
 _TRACE = ("reference_deg", "pull_mm", "truth_deg", "measured_deg", "estimate_deg")
 Arrays = dict[str, Array]
@@ -119,7 +119,7 @@ def compare(
     parts = _Parts(folder / PARTS, settings, deployments, executor, on_progress, total)
     tuned: dict[Sensor, Settings] = {sensor: {} for sensor in sensors}
     searched = []
-    for falls_back in (False, True):  # what falls back on another law takes what was tuned for that
+    for falls_back in (False, True):  # a controller with a fallback takes the tuned settings of that
         jobs = {}
         for sensor, spec in searches:
             if bool(spec.falls_back_on) is falls_back:
@@ -159,7 +159,7 @@ def compare(
 
 
 class _Parts:
-    """Parts of a comparison: what is there is read, the rest is made on workers and kept."""
+    """Parts of a comparison: existing ones are read, the others are computed on workers and kept."""
 
     def __init__(
         self,
@@ -179,7 +179,7 @@ class _Parts:
     def run(
         self, work: Callable[..., Arrays], jobs: Mapping[Job, tuple[str, Any, Settings]]
     ) -> dict[Job, Arrays]:
-        """Return the results of jobs, each kept as soon as it is there."""
+        """Return the results of jobs, each kept as soon as it is complete."""
         found, waiting = {}, {}
         for job, (part, where, tuned) in jobs.items():
             (spec,) = find_controllers([job[1]])

@@ -9,11 +9,11 @@ estimated error would follow the noise of the estimate. For the same reason the 
 across the dead band of a reversal, where the reference does, or for an error of more than a share of the 95 %
 interval.
 
-Where the reference is known ahead, the same members predict which travel of the command takes longer than
-there is time for, and that one begins early (`twin/control/anticipation.py`).
+Where the reference is known ahead, the same members predict which travels of the command would take too long,
+and these begin early (`twin/control/anticipation.py`).
 
-While the runtime does not trust RAM (twins), linear map and PI on its estimate, the fallback's then, are
-in charge, without a jump. While measurements are missing or stuck, the command is held.
+While the runtime does not trust RAM (twins), a linear map and PI on the fallback's estimate take over,
+without a jump. While measurements are missing or stuck, the command is held.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Conditions of a comparison of controllers: references, noise, sensors, and what happens on the way."""
+"""Conditions of a comparison of controllers: references, noise, sensors, and disturbances."""
 
 import dataclasses
 import math
@@ -152,7 +152,7 @@ class ControlSettings:
     # strokes of the work; references use the middle of what each reaches [mm]
     strokes_mm: tuple[tuple[float, float], ...] = ((-1.0, 1.0), (2.0, 4.0))
     twins: int = 10  # number of held-out endoscopes
-    seconds: float = 40.0  # length of a reference behind its hold [s]
+    seconds: float = 40.0  # length of a reference after its hold [s]
     margin: float = MARGIN  # command beyond the stroke, as a share of its width [-]
     speed_mm_s: float = 5.0  # speed limit of the command and of the endoscope's servo [mm / s]
     latency_s: float = 0.0  # delay of the sensor [s]

@@ -1,4 +1,4 @@
-"""Files of a comparison of controllers: `control.json`, a table, and recordings of what figures show."""
+"""Files of a comparison of controllers: `control.json`, a table, and recordings for the figures."""
 
 import dataclasses
 import json
@@ -58,7 +58,7 @@ class ControlResult:
         return float(np.sqrt(self.squares.mean()))
 
     def total(self) -> dict[str, Any]:
-        """Return what all trials together come to; late values are of the last 20 s."""
+        """Return the measures of all trials together; late values are of the last 20 s."""
         measures = self.measures
         return {
             "controller": self.controller,

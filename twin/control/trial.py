@@ -32,7 +32,7 @@ class Plant:
             from twin.reduced.twins import ReducedEndoscope
 
             self.endoscope = ReducedEndoscope(preset, sample_time)
-            self._periods = 1  # it is in equilibrium at samples alone, and finds its way between them itself
+            self._periods = 1  # it is in equilibrium only at samples, and computes the path between them
         else:
             from twin.physics import Endoscope
 
@@ -140,7 +140,7 @@ class ControlTrial:
 
     @property
     def travel_mm(self) -> float:
-        """Distance that the command went in the scored samples [mm]: it wears the sheath."""
+        """Travel of the command in the scored samples [mm]: it wears the sheath."""
         return float(np.abs(np.diff(self.pull_mm[self.scored])).sum())
 
 

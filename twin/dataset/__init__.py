@@ -1,1 +1,1 @@
-"""Datasets: from a recipe to a folder of episodes that is described, verified and made again."""
+"""Datasets: from a recipe to a folder of episodes that can be described, verified and reproduced."""

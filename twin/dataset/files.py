@@ -1,4 +1,4 @@
-"""Files of an episode of a dataset: written whole, or kept if they are there already and whole."""
+"""Files of an episode of a dataset: written completely, or kept if they exist and are complete."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,8 +30,8 @@ class Made(NamedTuple):
     """Result of writing one episode's files."""
 
     entry: Entry
-    kept: bool = False  # it was there already, whole and of this recipe
-    damage: str = ""  # why the file that was there was made again
+    kept: bool = False  # it existed already, complete and of this recipe
+    damage: str = ""  # why the existing file was replaced
 
 
 def make_files(
@@ -42,7 +42,7 @@ def make_files(
     csv: bool,
     versions: Mapping[str, str] = VERSIONS,
 ) -> list[Made]:
-    """Write the files of some episodes that are not there, or not whole; the others stay as they are.
+    """Write the missing or incomplete files of some episodes; the others stay as they are.
 
     It runs in a worker, and returns descriptions, no arrays. If an episode diverges, the others are written
     before `DivergedError` is raised.
@@ -67,7 +67,7 @@ def make_files(
             made[key] = Made(_entry(recipe, path, metadata, csv), kept=not damaged, damage=damaged)
     missing = [key for key in keys if key not in made]
     episodes = make_episodes(recipe, missing) if missing else []
-    path = folder / "recipe.yaml"  # a cluster cannot call back a task of a run that is over
+    path = folder / "recipe.yaml"  # a cluster cannot cancel a task of a run that has ended
     if path.is_file() and of_each_episode(load_recipe(path)) != of_each_episode(recipe):
         raise InputError(f"{folder} is the folder of another dataset by now")
     failed = [key for key, episode in zip(missing, episodes, strict=True) if episode is None]
@@ -110,7 +110,7 @@ def is_table(path: Path, file: SimulatedFile) -> bool:
 def _write_table(path: Path, known: SimulatedFile | None) -> str:
     """Write the table of a file, from the file alone, unless it is known to be there.
 
-    Returns what was wrong with a table whose hash was known.
+    Returns the fault of a table whose hash was known.
     """
     table, damage = path.with_suffix(".csv"), ""
     if known is not None and known.table_sha256 is not None:
@@ -128,7 +128,7 @@ def _write_table(path: Path, known: SimulatedFile | None) -> str:
 
 
 def _check_file(recipe: Recipe, key: EpisodeKey, path: Path, known: SimulatedFile | None) -> dict[str, Any]:
-    """Check that a file is what this recipe and this version would make; returns its metadata.
+    """Check that this recipe and this version would write the same file; returns its metadata.
 
     A file whose hash is known is read for its CRCs, any other one for its numbers too.
     """

@@ -116,7 +116,7 @@ class Recipe:
 
     @property
     def unmet(self) -> str | None:
-        """Warning where the episodes are too few to meet every stroke and bend that the recipe names."""
+        """Warning if there are too few episodes to include every stroke and bend of the recipe."""
         conditions = [self.conditions(number) for number in range(self.episodes)]
         met = len({(one.stroke_mm, one.sheath_bend_deg) for one in conditions})
         named = len(self.strokes_mm) * max(len(self.sheath_bends_deg), 1)
@@ -129,7 +129,7 @@ class Recipe:
         )
 
     def check(self) -> None:
-        """Refuse, before any work, what would fail in an episode."""
+        """Refuse, before any work, values that would fail in an episode."""
         for name in ("seeds", "signals", "strokes_mm"):
             if not getattr(self, name):
                 raise InputError(f"{name}: none is given, at least one is needed")

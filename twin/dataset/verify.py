@@ -154,7 +154,7 @@ def _wrong_recipe(folder: Path, recipe: Recipe | str, contents: SimulatedDataset
 
 
 def _wrong_totals(path: Path, contents: Dataset) -> list[str]:
-    """Return which figures of the dataset do not follow from those of its files."""
+    """Return the figures of the dataset that do not follow from those of its files."""
     stated = to_json_values(contents)
     try:
         wanted = totals(stated["files"])
@@ -200,7 +200,7 @@ class Replay:
 
 
 def replay(path: Path) -> Replay:
-    """Make an episode again from the recipe that its file contains, and compare the bytes."""
+    """Reproduce an episode from the recipe in its file, and compare the bytes."""
     episode = read_episode(path)
     facts = episode.metadata
     if "recipe.yaml" not in episode.attachments or not {"seed", "episode"} <= set(facts):

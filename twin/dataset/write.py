@@ -27,7 +27,7 @@ from twin.recording import read_metadata
 from twin.recording.listing import features_of, totals
 
 AT_ONCE = 8  # episodes that one worker simulates together: more are hardly faster
-AT_ONCE_WITH_PICTURES = 2  # pictures take longer than all else
+AT_ONCE_WITH_PICTURES = 2  # pictures take longer than everything else
 SAMPLES_AT_ONCE = 200_000  # that one worker holds: about 150 MB
 COUNTS = ("episodes", "seeds")  # keys that may grow while the existing episodes stay the same
 
@@ -42,7 +42,7 @@ class Written(NamedTuple):
 
     contents: dict[str, Any]  # of `dataset.json`
     kept: int  # episodes that were there already
-    damage: tuple[str, ...]  # what was wrong with each file that was made again
+    damage: tuple[str, ...]  # fault of each file that was replaced
 
 
 def write_dataset(
@@ -54,7 +54,7 @@ def write_dataset(
     csv: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Written:
-    """Write the missing or damaged episodes of a dataset and, when all are whole, what describes it."""
+    """Write the missing or damaged episodes of a dataset and, when all are complete, its description."""
     recipe.check()
     folder = Path(os.path.realpath(folder))
     folder.mkdir(parents=True, exist_ok=True)
@@ -144,7 +144,7 @@ def describe(recipe: Recipe) -> dict[str, Any]:
 
 
 def _former(folder: Path) -> SimulatedDataset | None:
-    """Return the `dataset.json` of a former run; None if none came to its end."""
+    """Return the `dataset.json` of an earlier run; None if none was completed."""
     if not (folder / NAME).is_file():
         return None
     contents = read_contents(folder)
@@ -238,7 +238,7 @@ def _has_own_card(folder: Path, former: SimulatedDataset | None) -> bool:
 
 
 def _how_to_go_on(error: OSError | BrokenExecutor, folder: Path, recipe: Recipe) -> Exception:
-    """Return the error with how many episodes are whole, and that the same command goes on."""
+    """Return the error that states how many episodes are complete, and that the same command continues."""
     there = sum((folder / recipe.file_name(key)).is_file() for key in recipe.keys)
     rest = f"{there} of {len(recipe.keys)} episodes are whole, the same command goes on from there"
     if isinstance(error, BrokenExecutor):

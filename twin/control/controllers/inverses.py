@@ -95,7 +95,7 @@ TWIN_INVERSE = register_controller(
 
 
 class MembersInverse(Controller):
-    """Inverse of the weighted members while they are trusted, else PI on the fallback; held while blind."""
+    """Inverse of the members while they are trusted, else PI on the fallback; held without measurements."""
 
     def __init__(self, knowledge: ControlKnowledge, settings: Mapping[str, float]) -> None:
         super().__init__(knowledge.limits, knowledge.sample_time)

@@ -1,6 +1,6 @@
 """Oracle: inverse of the endoscope itself, whose state it knows. No device can have it.
 
-Its error is what the speed of the motor leaves over, where the reference is known as far ahead as by others.
+Its error is due to the speed limit of the motor alone; it knows the reference as far ahead as others do.
 """
 
 import math

@@ -133,7 +133,7 @@ def load_tracking_policy(path: Path) -> TrackingPolicy:
 
 
 class TrackingLaw(Controller):
-    """The actor closes the loop; what it sees and commands is that of its training."""
+    """The actor closes the loop, with the observations and actions of its training."""
 
     def __init__(self, knowledge: ControlKnowledge, settings: Mapping[str, float]) -> None:
         super().__init__(knowledge.limits, knowledge.sample_time)
@@ -150,7 +150,7 @@ class TrackingLaw(Controller):
         error = sensed.measurement_deg - sensed.reference_deg
         if math.isfinite(error):
             self._smooth_deg = self._view.smoothed(self._smooth_deg, error)
-        else:  # nothing is measured, which the training never met: what was, without its noise
+        else:  # no measurement, which is in no training: the low-passed error
             error = self._smooth_deg
         now = sensed.reference_deg, sensed.next_deg
         observation = self._view.observation(error, self._smooth_deg, *now, self.pull_mm, self._change_mm)
