@@ -35,7 +35,7 @@ class ActiveModel(GaussianFilter):
         process_variance: diagonal of Q: of the angle [deg^2] and of the error [deg^2 / s^2] per sample; small
             as the paper's.
         measurement_variance: R [deg^2], one for all filters or (B,).
-        initial_variance: diagonal of P at the first sample; not published, so small as Q: the first estimate
+        initial_variance: diagonal of P at the first sample; not published; as small as Q: the first estimate
             is trusted.
     """
 

@@ -36,7 +36,7 @@ WIDER = 0.1  # share of a range of the training by which a limit lies beyond it
 
 @dataclasses.dataclass(frozen=True)
 class Deployment:
-    """A trusted fallback, and the ranges that a trained estimator has met."""
+    """A trusted fallback, and the ranges of the training of an estimator."""
 
     fallback: ActiveModel  # the active model with tuned noise (AM-tuned), at the sample time of the training
     pull_mm: tuple[float, float]  # lowest and highest pulling distance of the training [mm]

@@ -333,7 +333,7 @@ class FamilyFilter(Estimator[FamilyState]):
 
 Noise = tuple[str, float]  # kind and level of a noise
 Build = Callable[[Array, Sensor, Noise], Estimator[Any]]
-"""Filter of members (M, N) [deg] under a noise, of which the sensor tells what an estimator may know."""
+"""Filter of members (M, N) [deg] under a noise; the sensor holds what an estimator may know of it."""
 
 
 def _known_variance(members_deg: Array, sensor: Sensor, noise: Noise) -> EnsembleFilter:

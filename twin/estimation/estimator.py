@@ -1,7 +1,7 @@
 """Base class of estimators of the bending angle: B records filtered side by side, sample by sample.
 
-A whole record and a live stream go through the same `step`. A measurement that is NaN is missing: the
-estimator predicts and does not update. A pull that is NaN is taken to stand where it was.
+A complete record and a live stream go through the same `step`. A measurement that is NaN is missing: the
+estimator predicts and does not update. A pull that is NaN counts as unchanged.
 """
 
 import abc
@@ -44,7 +44,7 @@ class Sensor:
 
 
 class Estimator(abc.ABC, Generic[State]):
-    """Parameters of an estimator, frozen; what moves is in its state."""
+    """Parameters of an estimator, frozen; everything that changes is in its state."""
 
     @property
     def states_interval(self) -> bool:
@@ -57,7 +57,7 @@ class Estimator(abc.ABC, Generic[State]):
         return False
 
     def with_sensor(self, sensor: Sensor) -> Self:
-        """Return the estimator that knows this much of the noise; itself, where it has no use for it."""
+        """Return the estimator for this sensor; itself, if it does not use the sensor."""
         return self
 
     def begun(self, from_rest: bool, initial_deviation_deg: float = np.inf) -> Self:
@@ -83,7 +83,7 @@ class Estimator(abc.ABC, Generic[State]):
         """Return the state of a live stream that restarts after a fault; here as at the first sample.
 
         An estimator that learns something over minutes keeps it from `trusted`, the state before the fault;
-        what follows the command alone is that of the state `now`. Pulls [mm] and angles that are believed now
+        the parts that follow only the command are those of the state `now`. Pulls [mm] and present angles
         [deg] are (B,).
         """
         return self.start(pull_mm, bend_deg)
@@ -109,7 +109,7 @@ class Estimator(abc.ABC, Generic[State]):
         raise NotImplementedError
 
     def model_error_deg(self, state: State) -> tuple[float, float]:
-        """Return what no twin explains of the angle of one stream, and its standard deviation [deg].
+        """Return the part of one stream's angle that no twin explains, and its standard deviation [deg].
 
         Zero where the estimator has no such state.
         """
@@ -120,7 +120,7 @@ class Estimator(abc.ABC, Generic[State]):
         return np.zeros((1, 0))
 
     def estimate(self, pull_mm: Array, measurement_deg: Array, initial_bend_deg: ArrayLike) -> Array:
-        """Filter whole records, as `estimate_with_interval` does; a faster form may stand in its place."""
+        """Filter complete records, as `estimate_with_interval` does; subclasses may have a faster form."""
         return self.estimate_with_interval(pull_mm, measurement_deg, initial_bend_deg)[0]
 
     def estimate_with_interval(
@@ -128,9 +128,9 @@ class Estimator(abc.ABC, Generic[State]):
         pull_mm: Array,  # (N,) or (B, N) pulling distance [mm]
         measurement_deg: Array,  # (N,) or (B, N) measured angle [deg]; the first sample is not used
         initial_bend_deg: ArrayLike,  # scalar or (B,) initial estimate [deg]
-        on_progress: Callable[[int, int], None] | None = None,  # called now and then with samples and all
+        on_progress: Callable[[int, int], None] | None = None,  # called with samples done and their total
     ) -> tuple[Array, Array | None]:
-        """Filter whole records: (B, N) angles and half of their 95 % intervals [deg], or None for that."""
+        """Filter complete records: (B, N) angles and half of their 95 % intervals [deg], or None for that."""
         pull, measurement, initial = time_first(pull_mm, measurement_deg, initial_bend_deg)
         form: Any = self.single() if measurement.shape[1] == 1 else self
         pulls: Any = pull

@@ -6,8 +6,9 @@ psi = [theta_k, ..., theta_(k-d)], and its first row moves by
 
     theta_(k+1) = (e_0 + g_0 + |dl| g_1) psi + sum_i [dl, |dl| l]_(k+1-i) h_i,
 
-where g_0 sums to zero, so that an angle at rest may be any. What bends one way bends the other: there are no
-features dl psi, |dl| and dl l. Coleman and Hodgdon's model lies in this span: d = 0, g_1 = -a, h = [c, a b].
+where g_0 sums to zero, so that an angle at rest may be any. The model is symmetric in the direction of
+bending: there are no features dl psi, |dl| and dl l. Coleman and Hodgdon's model lies in this span: d = 0,
+g_1 = -a, h = [c, a b].
 
 The transition holds increments alone, neither pull nor angle. A model that forgets its first angle along the
 training commands therefore forgets it along the same movements about any other pull, and what drives it is

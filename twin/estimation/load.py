@@ -19,7 +19,7 @@ def load_estimator(path: str | Path | TrainedFile, sensor: Sensor | None = None)
 
     The estimator knows the model and the sample time that it was trained with (`estimator.sample_time`); one
     that was trained on twins runs at any, by `estimator.at(sample_time)`, and at 0.1 s without. It starts at
-    rest; `begun` tells otherwise. It must know your sensor, given here or by `with_sensor`.
+    rest, unless `begun` changes that. It needs your sensor, given here or by `with_sensor`.
 
     Raises:
         FileNotFoundError: there is no such file.

@@ -24,7 +24,7 @@ class Style:
 class Presentation:
     """Presentation of a method in comparisons."""
 
-    family: Family  # kind of method; an ensemble is what others are measured against, and has no rank
+    family: Family  # kind of method; ensembles are references for the others, and have no rank
     in_paper_suite: bool = False  # whether the suite `paper` compares it
     on_request: bool = False  # the suite `full` compares it only where it is named or its file is given
     in_paper_tables: bool = False  # whether the full suite shows it in the paper's tables too

@@ -54,7 +54,7 @@ def _is_positive(covariance: NDArray[Any]) -> bool:
 
 
 def _has_pivots(rows: list[list[float]]) -> bool:
-    """True where Gaussian elimination of a small matrix meets no negative pivot (Sylvester's criterion)."""
+    """True where Gaussian elimination of a small matrix has no negative pivot (Sylvester's criterion)."""
     if len(rows) == 2:  # most filters, at every sample
         (p, r), (_, q) = rows
         return p > 0 and q > 0 and p * q - r * r > -ROUNDING * p * q

@@ -51,7 +51,7 @@ def predicted(
 def updated(
     p: Number, r: Number, q: Number, variance: float | Number
 ) -> tuple[Number, Number, Number, Number, Number, Number]:
-    """Return both gains, the covariance p, r, q behind a measurement of the angle of this variance, and S.
+    """Return both gains, the covariance p, r, q after a measurement of the angle of this variance, and S.
 
     p R / S is p - K p without its rounding, so that no variance becomes negative.
     """

@@ -48,7 +48,7 @@ def make_case(
     truth = np.concatenate(truths)
 
     def zero_deviation(kind: str, level: float) -> float:
-        """Return what is stated of the noise's mean: its size, as its variance is stated; not its sign."""
+        """Return the stated deviation of the noise's mean: its magnitude, without its sign."""
         return protocol.sensor_zero_deviation_deg if kind == RECORDED else abs(noise_mean(kind, level))
 
     def of_each_run(value: Callable[[str, float], float]) -> Array:

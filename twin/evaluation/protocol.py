@@ -45,7 +45,7 @@ UNTRAINED_CONDITIONS = (
     ("delayed", 0.2),
     ("stuck", 0.1),
 )
-"""Faults of a sensor (`twin.signals.sensor_errors`); the first is none, for twins that no training meets."""
+"""Faults of a sensor (`twin.signals.sensor_errors`); the first is none, for twins that are in no training."""
 # Counts are whole degrees: without dither the angle could be read off their lattice.
 SUITES = {
     "paper": PAPER_CONDITIONS + DITHERED_CONDITIONS,

@@ -1,9 +1,9 @@
 """Ranks of methods that share records and noise, with intervals by a paired, hierarchical bootstrap.
 
 Records are drawn with replacement, draws of the noise within each, and training runs of each method (Davison
-and Hinkley 1997, section 3.8). All methods meet the same draws, so that a difference is free of what records
-and noise have in common; differences between training runs are in it. The figure of a method is the geometric
-mean over noises of its mean RMSE, as everywhere in this project.
+and Hinkley 1997, section 3.8). All methods run on the same draws, so that a difference is free of what
+records and noise have in common; differences between training runs are in it. The figure of a method is the
+geometric mean over noises of its mean RMSE, as everywhere in this project.
 """
 
 import dataclasses

@@ -1,6 +1,6 @@
 """Records from the folders that a verb is given, at one sample time, and the noise of their sensor.
 
-A measured log may have missing samples and gaps; each function states what it makes of them.
+A measured log may have missing samples and gaps; each function states how it treats them.
 """
 
 import dataclasses
@@ -96,7 +96,7 @@ def recorded_variance(episode: Episode) -> float | None:
     """Return the variance of the noise in the measurements of a simulated episode [deg^2].
 
     It is that of the sensor's own noise, of its rounding (a step^2 / 12), and of what the recipe adds; of a
-    stereo sensor, that which was measured of the usual rig. None, where it is unknown: the episode was
+    stereo sensor, the measured variance of the usual rig. None, where it is unknown: the episode was
     measured, or its measurements have no noise.
     """
     preset = episode.metadata.get("preset")

@@ -34,7 +34,7 @@ STROKES_MM = ((-1.0, 1.0), (2.0, 4.0), (-4.0, 4.0))
 RANDOMIZED = 20
 BENDING = (np.pi / 2, 3 * np.pi / 2)  # sheath bend at the start and at the end of a record [rad]
 
-WIDER, WIDE = 1.5, 10  # factor of the ranges of twins that no training meets, and number of such twins
+WIDER, WIDE = 1.5, 10  # factor of the ranges of twins that are in no training, and number of such twins
 MOVES_AT, MOVES_FOR_S = 0.4, 0.5  # share of a record after which the sheath moves suddenly, and duration [s]
 TOUCHED, TOUCH_N = (0.3, 0.7), 0.1  # shares of a record between which the tip is touched, and the force [N]
 FARTHER = 2.5  # factor of the widest stroke for another endoscope: `vio_com` does not bend below some mm
@@ -73,7 +73,7 @@ def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list
 
 
 def untrained_scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Scenario]:
-    """Return the test records of the suite `untrained`: twins that no training meets.
+    """Return the test records of the suite `untrained`: twins that are in no training.
 
     On the commands of the full suite, on its narrowest and its widest stroke: the preset, for sensors that
     have a fault (`twin/signals/sensor_errors.py`); a sheath that moves by half a turn within half a second; a

@@ -71,7 +71,7 @@ def bounds(
     """Return the posterior Cramer-Rao bound of each noise that has one, for each stroke.
 
     `rmse_deg` is its root mean square over a stroke's commands. It is a mean over twins as the ensemble has
-    them; a single twin may be better or worse known.
+    them; the angle of a single twin may be better or worse known.
     """
     ensembles = Ensembles(tuple(paths), sample_time)
     strokes: dict[tuple[float, float], dict[bytes, Record]] = {}

@@ -33,7 +33,7 @@ _HEADER = 4096  # [bytes] of an array's description at most
 def read_arrays(
     path: str | Path, most_bytes: int = MOST_BYTES, what: str = "arrays"
 ) -> Mapping[str, NDArray[Any]]:
-    """Read all arrays of an `.npz` file that holds plain numbers and text alone.
+    """Read all arrays of an `.npz` file that holds only plain numbers and text.
 
     `most_bytes` limits its size, and that of all arrays together; messages name `what` should be in it.
     """

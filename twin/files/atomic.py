@@ -132,9 +132,9 @@ class WholeFolder:
 
 
 class PartialFile:
-    """Log of what cannot be repeated: it has a name, `NAME.partial`, from its first byte on.
+    """File of data that cannot be recorded again: it is `NAME.partial` from its first byte on.
 
-    What a killed process left under that name is never overwritten: the next file grows as `NAME.partial.2`.
+    A file that a killed process left is never overwritten: the next file grows as `NAME.partial.2`.
     """
 
     def __init__(self, path: str | Path, sign: str) -> None:
@@ -155,7 +155,7 @@ class PartialFile:
         _lock(self._file.fileno())
 
     def write(self, data: bytes) -> int:
-        """Append all of the bytes, which outlive this process from then on. An `OSError` names the file."""
+        """Append all bytes, which survive this process from then on. An `OSError` names the file."""
         rest = memoryview(data)
         with self._naming():
             while rest:
@@ -163,7 +163,7 @@ class PartialFile:
         return len(data)
 
     def sync(self) -> None:
-        """Flush to the disk: what was written outlives a power cut from then on."""
+        """Flush to the disk: written bytes survive a power cut from then on."""
         with self._naming():
             os.fsync(self._file.fileno())
 

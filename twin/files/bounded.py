@@ -1,4 +1,4 @@
-"""Bytes of a regular file, up to a limit, with which every reader begins; and its SHA-256."""
+"""Bytes of a regular file, up to a limit, for all readers; and its SHA-256."""
 
 import contextlib
 import errno

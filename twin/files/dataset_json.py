@@ -217,7 +217,7 @@ def read_contents(folder: Path) -> Dataset:
 
 
 def write_contents(folder: Path, values: Mapping[str, Any]) -> None:
-    """Write the `dataset.json` of a folder, whole or not at all, if it fits the schema."""
+    """Write the `dataset.json` of a folder, completely or not at all, if it fits the schema."""
     text = json.dumps(values, indent=2, allow_nan=False) + "\n"
     parse_contents(text)
     write_whole(folder / NAME, text)

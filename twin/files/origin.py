@@ -58,7 +58,7 @@ def data_sha256(path: Path) -> str:
 
 
 def stated_origin(values: Mapping[str, Any]) -> Origin | None:
-    """Return the origin that the contents of a JSON file state; None where they state none that is whole."""
+    """Return the origin that the contents of a JSON file state; None where it is missing or incomplete."""
     try:
         return Origin.model_validate(values["origin"])
     except (KeyError, ValidationError):

@@ -54,7 +54,7 @@ def program_at_fault(error: BaseException, *, expected: bool) -> str:
     """Return on one line which user's program an exception comes from, with its line; empty if from none.
 
     Where the exception is not `expected` and no line of a program is in its traceback, one that has run may
-    still be the reason: it has returned what it must not.
+    still be the reason: its return value was invalid.
     """
     if isinstance(error, EndoTwinError):
         return ""

@@ -25,13 +25,13 @@ from twin.gate.trial import PairedTrial, compare_paired, mean_interval
 Array = NDArray[np.float64]
 BAR = 0.0  # upper end of the difference's interval, relative to the rival: at most 0, it is not worse
 WORTH = -0.03
-"""The same of what was learned: an untrained policy is as good as none, and what is worth less can go."""
+"""The same for the learned part, against the policy without it: if it gains less, it can be left out."""
 LEAST_COVERAGE = 0.90  # least share of samples in a 95 % interval, under each noise
 MOST_NEES = MOST_NIS = 2.0  # normalised squares beyond which errors are 1.4 times as large as stated
 NIS_NOISES = (("gaussian", 1.0), ("laplace", 1.0), ("uniform", 1.0))  # noises without a mean
 ALL_NOISES = "all noises"
 _STREAM = OTHER_STREAMS + 1
-_SETTLING_S = 5.0  # before which a prediction is that of a filter that has seen nothing
+_SETTLING_S = 5.0  # before which a filter has seen too little to predict
 BETTER = "Train on the ranges of this preset, or deploy the tuned filter, which is as good."
 STATES_NONE = "Use a method that states one, such as RAM (twins)."
 INTERVAL = (
@@ -282,7 +282,7 @@ def _normalised(
 
 
 def without_learning(estimator: Estimator[Any]) -> Estimator[Any] | None:
-    """Return the filter that is left of an estimator without what it has learned; None, where none is."""
+    """Return an estimator without its learned part; None if nothing is left."""
     if isinstance(estimator, RamTwins):
         return dataclasses.replace(estimator, parts=FILTER_ALONE)
     if isinstance(estimator, LearnedStep) and estimator.network.file.agent == RAM.agent:

@@ -1,4 +1,4 @@
-"""Identity and bounds: the file is what the training left, for this endoscope; its outputs are bounded."""
+"""Identity and bounds: the file is that of the training, for this endoscope; its outputs are bounded."""
 
 import dataclasses
 import json
@@ -29,7 +29,7 @@ REPLAYED_DEG = 1e-5
 """Largest difference between the graph and the network that was trained, relative above 1 deg."""
 REACH = "step.reach"  # constant of a step's graph that bounds the output of its policy, in logarithms
 LARGEST_ESTIMATE_DEG = 10 * LARGEST_BEND_DEG
-"""Magnitude that no estimate exceeds, whatever comes; the live path refuses larger ones [deg]."""
+"""Magnitude that no estimate exceeds for any input; the live path refuses larger ones [deg]."""
 DAMAGED = "Do not deploy this file; train again with this version."
 WITH_FOLDER = "Judge the file in its run folder."
 _STREAM = OTHER_STREAMS

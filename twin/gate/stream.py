@@ -23,9 +23,9 @@ from twin.reduced import simulate_batch
 Array = NDArray[np.float64]
 Sample = tuple[float, float, float]  # time [s], pull [mm] and measurement [deg]
 Plant = Callable[[Sequence[Sample], Sequence[Sample]], Iterator[Sample]]
-"""Yields what comes in the place of good samples, given those before them."""
+"""Yields the samples that replace good ones, given those before them."""
 VARIANCE = 0.25  # of a sensor whose noise is not known [deg^2]
-ALLOWED = 1.1  # times the error of the fallback alone that an error under faults may be
+ALLOWED = 1.1  # largest error under faults, relative to that of the fallback alone
 ALLOWED_DEVIATIONS = 0.5  # of a single measurement: a difference that counts as none
 LATENCY_SHARE = 0.1  # share of the sample time that one sample may take
 PERCENTILE = 99
@@ -42,7 +42,7 @@ KNOCK, KNOCK_S = np.radians(45.0), 0.5  # by which the sheath is bent on, and fo
 LOST, LOST_S = 0.9, 60.0  # share of the pretension that is lost, and for how long
 _FLAGGED_WITHIN_S = 1.0  # after a fault: a gap is known when it ends
 _TWINS = 3
-_BUSY = 1.5  # times its processor time: a longer wait is for other work
+_BUSY = 1.5  # times its processor time: a longer wait is due to other work
 _WARM_UP = 20  # samples before the clock counts
 
 

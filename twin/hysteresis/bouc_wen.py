@@ -7,10 +7,10 @@ with the pulling distance l in mm and the bending angle theta in degrees. w has 
 kappa_w is negative where the angle lags behind the pull, as in an endoscope. With n = 1 and sigma = 1 this is
 the model of Coleman and Hodgdon: kappa_x = b, kappa_w = (c - b) / a, rho = a.
 
-The angle is the state: with the pull it determines w. A filter that is 60 deg off so starts far outside of
-saturation, where w^n is steep and an explicit step would overshoot without bound. The step here is therefore
-implicit (backward Euler). Whatever the increment, it never crosses saturation, keeps the order of two angles
-and never moves them apart; see `_advance`.
+The angle is the state: with the pull it determines w. A filter that starts 60 deg off is therefore far
+outside of saturation, where w^n is steep and an explicit step would overshoot without bound. The step here is
+therefore implicit (backward Euler). Whatever the increment, it never crosses saturation, keeps the order of
+two angles and never moves them apart; see `_advance`.
 """
 
 import dataclasses

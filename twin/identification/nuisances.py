@@ -21,7 +21,7 @@ from twin.identification.search import Records, Stack
 
 Array = NDArray[np.float64]
 
-LARGEST_DELAY_S = 0.5  # largest delay of a command [s]: a longer one is no controller's
+LARGEST_DELAY_S = 0.5  # largest delay of a command [s]: no controller has a longer one
 LARGEST_OFFSET_DEG = 180.0  # magnitude of the largest offset of an angle [deg]
 LEAST_SPREAD = 0.25
 """Standard deviation of a command's speed, over its mean, that determines a delay; a sine has 0.48."""

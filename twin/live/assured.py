@@ -63,9 +63,9 @@ class AssuredEstimator:
     The trained estimator is trusted until the monitor raises alarms about it in three samples in a row, and
     again after five seconds without one; between the two the estimate moves within half a second.
 
-    A sensor that is wrong counts as missing. Where there are twins, they tell (`SensorCheck`): while the
-    sensor departs from what the command makes possible, the twins alone predict; where it agrees with them
-    again, both estimators go on from what they had learned before.
+    A sensor that is wrong counts as missing. Where there are twins, they detect this (`SensorCheck`): while
+    the sensor departs from what the command makes possible, only the twins predict; when it agrees with them
+    again, both estimators continue with what they had learned before.
 
     Measurements are corrected for the zero, the scale and the lag of the sensor: both estimators run at the
     time of the measurement, and the reading is their prediction from there to now.
@@ -99,7 +99,8 @@ class AssuredEstimator:
         self.method, self.sample_time = method, fallback.sample_time
         limits = limits or StreamLimits()
         if advanced.has_physics or twins:
-            # Twins judge measurements before both restart where these agree; a far pull takes them seconds.
+            # Twins check refused measurements before both estimators restart at them; a far pull takes
+            # seconds.
             farthest_mm = max(FARTHEST * max(abs(of) for of in deployment.pull_mm), FARTHEST_MM)
             limits = dataclasses.replace(
                 limits,
@@ -240,7 +241,7 @@ class AssuredEstimator:
     def _check_sensor(
         self, twins: OnlineEstimator[Any], measurement_deg: float, elapsed_s: float
     ) -> SensorCheck | None:
-        """Check the sensor, if twins are enough; where an alarm ends, both estimators start again."""
+        """Check the sensor, if there are enough twins; when an alarm ends, both estimators restart."""
         advanced, fallback = self.advanced, self.fallback
         members = twins.form.twins_deg(twins.state)
         if len(members) < FEWEST_TWINS:
@@ -248,7 +249,7 @@ class AssuredEstimator:
         check, states = self._check, (advanced.state, fallback.state)
         limits = advanced.limits
         jumped = self._moved_mm > limits.pull_jump_mm + limits.pull_speed_mm_s * elapsed_s
-        # Twins that have jumped are no witnesses of what they knew before.
+        # Twins that have jumped no longer predict from before the jump.
         if check is None or ((jumped or twins.restarts != self._twins_restarts) and not check.alarm):
             self._twins_restarts = twins.restarts
             check = self._check = SensorCheck(
@@ -336,7 +337,7 @@ class AssuredEstimator:
 
 
 REST, UNKNOWN = STARTS = ("rest", "unknown")
-"""What is known of a session's history when it starts: nothing moved before, or it may have."""
+"""History of a session before its start: at rest, or unknown."""
 
 
 def load_runtime(
@@ -355,9 +356,9 @@ def load_runtime(
 
     The sample time T [s] is that of `load_estimator_at`, if not given; the sensor that measurements are
     corrected for, and the variance R of its noise [deg^2], are those of the trained file. Samples beyond the
-    limits are refused. A session starts at `REST`, or with an `UNKNOWN` history. The initial estimate is used
-    as far as its standard deviation tells, by an estimator that can. The twins that check the sensor are of
-    the ranges of an endoscope (`twins`), or those that it was trained on; RAM (twins) has its own.
+    limits are refused. A session starts at `REST`, or with an `UNKNOWN` history. Estimators that support it
+    weight the initial estimate by its standard deviation. The twins that check the sensor are of the ranges
+    of an endoscope (`twins`), or those that it was trained on; RAM (twins) has its own.
 
     Raises:
         FileNotFoundError: there is no such file.

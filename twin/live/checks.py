@@ -1,7 +1,7 @@
 """Checks of the samples of a live stream: time stamps, outliers, stuck sensors, biases that pass the gate.
 
-What is far from all that is known is refused; where refused samples agree for a while, they are a change and
-not a fault, so that no real jump locks a stream out.
+Implausible samples are refused. Refused samples that agree for a while are a change and not a fault, so that
+no real jump blocks a stream.
 """
 
 import collections
@@ -30,7 +30,7 @@ _GOOD = Health.GOOD  # looked up once: an attribute of an enumeration takes as l
 
 @dataclasses.dataclass(frozen=True)
 class StreamLimits:
-    """Limits of plausible samples; wide enough that a healthy stream never meets them."""
+    """Limits of plausible samples; a healthy stream never reaches them."""
 
     bend_deg: float = LARGEST_BEND_DEG  # magnitude of a measurement [deg]
     pull_mm: float = LARGEST_PULL_MM  # magnitude of a pull [mm]
@@ -94,9 +94,9 @@ def samples_within(seconds: float, sample_time: float) -> int:
 class StreamClock:
     """Time of a stream by its stamps.
 
-    A stamp that is not later than the last, or farther ahead than the longest pause, is refused: where the
-    stamps after it go on from the old clock, nothing has happened. Where they go on from each other for a
-    second, the sender has another clock, and the stream goes on by it.
+    A stamp that is not later than the last, or farther ahead than the longest pause, is refused: if the later
+    stamps continue the old clock, nothing has happened. If they continue each other for a second, the sender
+    has another clock, and the stream follows it.
     """
 
     AGREEMENT_S = 1.0  # stamps that go back for less time than this may be late packets, sent again in order
@@ -223,7 +223,7 @@ class BiasDetector:
     """Detector of an unusual residual that lasts: the filter is biased by faulty measurements.
 
     Faults of some degrees pass every gate. A filter that adapts takes them for noise or for a bias, and is
-    then confident for longer than they lasted. Compared are the average residual and its usual magnitude.
+    then confident for longer than they lasted. The average residual is compared with its usual magnitude.
     """
 
     AVERAGE_S = 0.7  # of the average: noise averages out, an error of the estimate does not

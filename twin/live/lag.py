@@ -1,4 +1,4 @@
-"""Lag of a sensor on a live stream: estimators run where readings are from, and predict from there to now."""
+"""Lag of a sensor on a live stream: estimators run at the time of the readings and predict the present."""
 
 import math
 from collections import deque

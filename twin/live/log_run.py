@@ -151,7 +151,7 @@ def joined(episodes: Sequence[Episode], names: Sequence[str]) -> tuple[Episode, 
     """Return several episodes as one, a second apart, and how much later each of them is in it [s].
 
     It contains what all of them have: the metadata where they are equal, the arrays where their columns are.
-    `records` in its metadata states what is where.
+    `records` in its metadata states the place of each.
     """
     if len(episodes) == 1:
         return episodes[0], [0.0]

@@ -143,6 +143,6 @@ class Monitor:
         worse = self._square > WORSE * self._square_fallback + self._noise_share
         if not worse and abs(self._mean) <= self._offset_deg:
             return 0
-        # The fallback may hide in its mean that it follows a wrong model from afar.
+        # A fallback that follows a wrong model at a distance may show this only in its mean.
         total = self._square + self._mean * self._mean
         return _INNOVATION if total >= self._square_fallback + self._mean_fallback**2 else 0

@@ -1,4 +1,4 @@
-"""An estimator on one live stream, sample by sample, whatever comes late, twice, broken or not at all.
+"""An estimator on one live stream, sample by sample: late, repeated, damaged and missing ones included.
 
 It drives the same `start` and `step` as complete records do: an even stream gives the same bits. On an uneven
 one each step spans the time that has passed.
@@ -46,9 +46,9 @@ class OnlineEstimator(Generic[State]):
     """A running estimator that no sample can break; `health` has the faults of the last one.
 
     The estimate is never NaN: before the stream begins it is the initial one, and a step to a state that
-    contains an impossible number is not taken. What is far from all that is known is refused; where refused
-    samples agree for a while, the estimator restarts at them, so that it is never locked out. Each sample is
-    counted: `pushed == ignored + waiting + steps`, and one for the first.
+    contains an impossible number is not taken. Implausible samples are refused; if refused samples agree for
+    a while, the estimator restarts at them, so that it is never blocked. Each sample is counted: `pushed ==
+    ignored + waiting + steps`, and one for the first.
 
     Attributes:
         faults: of the last sample, as the number of `health`.
@@ -129,12 +129,12 @@ class OnlineEstimator(Generic[State]):
     def push(self, time_s: float, pull_mm: float, measurement_deg: float = math.nan) -> float:
         """Take in one sample and return the estimate at it [deg].
 
-        A sample that is not later than the last is ignored, as is one more than a day ahead; where such
-        stamps go on from each other for a second, the stream goes on by this new clock. A sample
-        more than 1.5 sample times after the last ends a gap: the samples between are predicted without a
-        measurement along the straight line between the two pulls, as many as fit; after more than 10 s, as
-        many as fit into 10 s, in larger steps. One that comes early is a sample like any other. A step spans
-        the time since the sample before, or the sample time where both are equal to 1 part in 10,000.
+        A sample that is not later than the last is ignored, as is one more than a day ahead; if such stamps
+        continue each other for a second, the stream follows this new clock. A sample more than 1.5 sample
+        times after the last ends a gap: the samples between are predicted without a measurement along the
+        straight line between the two pulls, as many as fit; after more than 10 s, as many as fit into 10 s,
+        in larger steps. One that comes early is a sample like any other. A step spans the time since the
+        sample before, or the sample time where both are equal to 1 part in 10,000.
 
         A pull or a measurement counts as missing if it is not finite, beyond its limit, or too far from the
         last pull or estimate. A missing pull goes on at its recent speed and comes to rest within a second;

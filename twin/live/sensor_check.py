@@ -2,9 +2,9 @@
 
 A filter of its own weights the twins, sample by sample. What it knew one to ten seconds ago, without any
 measurement since, predicts the angle now (fault detection by analytical redundancy; Chow and Willsky 1984). A
-sensor that sticks, drifts, or has lost its sign or its scale departs from each of these predictions, whatever
-an estimator that follows it believes. Where it departs by more than healthy endoscopes ever do, the twins
-alone predict, from what was known ten seconds ago, until the sensor agrees with them again.
+sensor that sticks, drifts, or has lost its sign or its scale departs from each of these predictions, even if
+an estimator follows it. Where it departs by more than healthy endoscopes ever do, only the twins predict,
+from what was known ten seconds ago, until the sensor agrees with them again.
 
 State of the filter: weights c of all twins about their mean, the error d that no twin explains, and the
 sensor's zero b; random walks and decay are those of RAM (twins).
@@ -45,9 +45,9 @@ FIRST_USUAL, FIRST_DEG, MOST_DEG = 4.0, 5.0, 300.0
 """Usual square of a departure before anything is known, and the motion of the twins that it counts for;
 also the motion along which departures are remembered."""
 MATURE_S, MATURE_DEG = 20.0, 5.0
-"""Before so long, and so much motion, nothing is known of how well the twins fit, and there is no alarm."""
+"""Time and motion before which the fit of the twins is unknown, and there is no alarm."""
 JUMP, JUMP_S = 30.0, 10.0
-"""But for a departure as large as this while they hardly move, from some time on: no endoscope jumps."""
+"""Except for a departure this large while they hardly move, after some time: no endoscope jumps."""
 CLIPPED = 4.0  # standard deviations that an innovation counts at most
 FEWEST_TWINS = 10  # of which the filter makes an endoscope
 _SETTLED_DEG2 = GROWTH_DEG2_PER_MM * MEMORY_MM / 2  # variance of d after a long way
@@ -116,7 +116,7 @@ class SensorCheck:
         way_mm: float,  # of the tendon since the sample before
         measurement_deg: float,  # NaN where there is none
         elapsed_s: float,  # since the sample before
-        kept: Any = None,  # what is to be found again if the sensor turns out to be wrong from here on
+        kept: Any = None,  # to be restored if the sensor turns out to be wrong from here on
     ) -> None:
         """Take in one sample."""
         self._members_deg = members_deg
@@ -157,7 +157,7 @@ class SensorCheck:
         return angle
 
     def _ahead(self, known: Snapshot, way_mm: float, time_s: float) -> Snapshot:
-        """Return what is known after a way and a time without a measurement."""
+        """Return the belief after a travel and a time without a measurement."""
         keep = math.exp(-way_mm / MEMORY_MM)
         mean, covariance = known.mean.copy(), known.covariance.copy()
         mean[-2] *= keep
@@ -197,7 +197,7 @@ class SensorCheck:
             self._snapshots.append(self._known._replace(kept=kept))
 
     def _updated(self, known: Snapshot, angle: Array, measured: float) -> Snapshot:
-        """Return what is known after a block; an innovation counts for less where it is very large."""
+        """Return the belief after a block; an innovation counts for less where it is very large."""
         seen_as = angle.copy()
         seen_as[-1] = 1.0
         towards = known.covariance @ seen_as
@@ -235,7 +235,7 @@ class SensorCheck:
         return scaled
 
     def _judge(self) -> None:
-        """Compare the window with what older snapshots predict."""
+        """Compare the window with the predictions of older snapshots."""
         now = self._known.time_s
         old = [of for of in self._snapshots if now - of.time_s >= self._window_s]
         if not old:

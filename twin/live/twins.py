@@ -43,7 +43,7 @@ class Twins(Estimator["Following"]):
         return self.members.step(state, pull_mm, self.elapsed_s)
 
     def resume(self, trusted: "Following", now: "Following", pull_mm: Array, bend_deg: Array) -> "Following":
-        """Go on: a wrong sensor does not concern them."""
+        """Continue: a wrong sensor does not affect them."""
         return self.members.step(now, pull_mm)
 
     def bend_deg(self, state: "Following") -> Array:

@@ -67,7 +67,7 @@ def write_windows(folder: Path, name: str, episodes: Sequence[Episode]) -> list[
 
 
 def _write(folder: Path, name: str, episodes: Mapping[str, Episode]) -> list[Path]:
-    """Write the episodes of one CSV file and list them; what it left under `name` before is removed."""
+    """Write the episodes of one CSV file and list them; its earlier files under `name` are removed."""
     check_file_name(name)
     for each in episodes:
         check_file_name(each)

@@ -103,7 +103,7 @@ class LogFormat:
         return names | ({self.time_fraction_column} if self.time_fraction_column else set())
 
     def check(self) -> None:
-        """Refuse numbers that cannot be, and half a bending plane."""
+        """Refuse impossible numbers, and half a bending plane."""
         if not 0 < self.pulley_radius <= LARGEST_RADIUS:
             raise InputError(
                 f"`pulley_radius` is {self.pulley_radius:g} m: must be positive, at most {LARGEST_RADIUS:g} m"

@@ -1,4 +1,4 @@
-"""What a table of a laboratory seems to hold: the role of each column, and the command that imports it."""
+"""Likely contents of a table of a laboratory: the role of each column, and the command that imports it."""
 
 import dataclasses
 import re
@@ -35,7 +35,7 @@ _FRACTION = re.compile(r"nsec|nanosec|usec|microsec|fraction", re.IGNORECASE)
 
 @dataclasses.dataclass(frozen=True)
 class Guess:
-    """Columns of a table, and which of them are what."""
+    """Columns of a table, and their roles."""
 
     table: CsvTable
     no_header: bool
@@ -65,7 +65,7 @@ class Guess:
         return f"{shlex.join(words)} --out data/measured"
 
     def form(self) -> LogFormat | None:
-        """Return how the file is read; None where a column or a unit is not known."""
+        """Return the format of the file; None where a column or a unit is not known."""
         options = self.options()
         if any(values in (("COLUMN",), ("UNIT",)) for values in options.values()):
             return None
@@ -86,7 +86,7 @@ class Guess:
 
 
 def look(path: Path) -> Guess:
-    """Read a table of any columns, and guess what they are by their names and values."""
+    """Read a table of any columns, and guess their roles by their names and values."""
     names, no_header = column_names(path) if is_text(path) else (None, False)
     table = read_table(path, names, times=names or (), no_header=no_header)
     return Guess(table, no_header, _roles(table))

@@ -352,7 +352,7 @@ def _units_of(texts: Mapping[str, str]) -> dict[str, str]:
 
 
 def _separator(path: Path, header: str, names: Collection[str]) -> str:
-    """Return what separates fields: of several, what leaves the most of the columns that are asked for."""
+    """Return the separator of fields: of several, the one that yields the most of the requested columns."""
     fields = {separator: _fields(header, separator) for separator in SEPARATORS}
     held = [separator for separator, split in fields.items() if len(split) > 1]
     if len(held) < 2:

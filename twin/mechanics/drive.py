@@ -70,8 +70,8 @@ def advance_drive(law: DriveLaw, motor: float, stride: float, pulley: float, com
         if law.encoder_step:
             counts = round(command / law.encoder_step) - round(motor / law.encoder_step)
             error = law.encoder_step * counts
-            # The true way is up to half a count shorter than the counted one. Stopping a quarter before its
-            # end, the motor stays clear of the far edge of the count, where it would have to turn back.
+            # The true travel is up to half a count shorter than the counted one. Stopping a quarter before
+            # its end, the motor stays clear of the far edge of the count, where it would have to turn back.
             reach = abs(error) - law.encoder_step / 4 if counts else 0.0
         else:
             error = command - motor

@@ -1,10 +1,10 @@
-"""Kernels: functions of numbers and arrays that Numba compiles where it is installed; Python runs them else.
+"""Kernels: functions of numbers and arrays, compiled by Numba where it is installed, otherwise run by Python.
 
 Kernels call each other; an `entry` is one that the rest of the program calls, outside of the GIL. Its machine
 code, with all kernels that it calls inside, is kept in a folder that is named after a hash of the sources of
 all kernels: Numba looks at the file of the entry only, and would run stale code after an edit of another one.
 
-Small kernels are put into those that call them: arrays that are handed on cost an atomic count each.
+Small kernels are inlined into those that call them: each array that is passed on costs an atomic count.
 """
 
 import contextlib

@@ -235,8 +235,9 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
 def release_shares(preset: Preset) -> list[float]:
     """Return the share of its curve that a section has in each control period of its release.
 
-    It is built straight. What a section does that is let go at once depends on its inertia, and MuJoCo's is
-    chosen for its time step: so the curve of its springs is brought in slowly, before the run begins.
+    It is built straight. The motion of a section that is released at once depends on its inertia, which is
+    chosen for the time step in MuJoCo: so the curve of its springs is brought in slowly, before the run
+    begins.
     """
     rising = math.ceil(_RELEASE_TIME / preset.control_period)
     held = math.ceil(_SETTLING_TIME / preset.control_period)

@@ -79,14 +79,14 @@ class SharedFriction:
         self.direction[moving] = np.where(loaded, before + turn, before)
 
     def _stiffness(self, damping: Array, moving: Index) -> Array:
-        """Return what holds each member of a pair but friction, (b, 2, pairs) [N / m] and [N m / rad]."""
+        """Return the stiffness that holds each member of a pair, (b, 2, pairs) [N / m] and [N m / rad]."""
         segment = damping[moving] / self._time_step
         of_tips = segment[:, :, -1].reshape(len(moving), 2, 2).sum(axis=2)[:, :, None]
         of_hinges = self._hinge[moving] + self._arm[moving] ** 2 * self._size * of_tips
         return self._of_pairs(segment[:, :, :-1] + segment[:, :, 1:], of_hinges)
 
     def _of_pairs(self, sheath: Array, joints: Array) -> Array:
-        """Return what both members of each pair have, friction or stiffness, (B, 2, pairs)."""
+        """Return friction or stiffness of both members of each pair, (B, 2, pairs)."""
         a, b, c, d = (sheath[:, wire] for wire in range(4))
         first = np.concatenate([a, b, joints[:, 0]], axis=1)
         second = np.concatenate([c, d, joints[:, 1]], axis=1)

@@ -17,7 +17,7 @@ def _within(default: float, low: float, high: float) -> Any:
 
 
 ZERO_DEVIATION_DEG = 2.0
-"""Of a sensor's zero that was not calibrated [deg]. Too large costs accuracy, too small the interval."""
+"""Standard deviation of a zero without calibration [deg]. If it is too small, intervals are wrong."""
 
 
 @dataclasses.dataclass(frozen=True)

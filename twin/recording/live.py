@@ -1,4 +1,4 @@
-"""Recording of a live stream: an MCAP file that grows while an estimator runs, and outlives a kill.
+"""Recording of a live stream: an MCAP file that grows while an estimator runs, and survives a kill.
 
 A live stream may contain anything: time stamps that repeat, go back or are of another clock, commands and
 angles that are missing or absurd. The recording has the form of a measured log, whatever comes:
@@ -162,7 +162,7 @@ class LiveRecording:
     While it runs, the file is `run.mcap.partial`; `close`, or the end of the block, makes it `run.mcap`,
     which `read_episode` reads as a measured log. What was `run.mcap` stays until then. A killed process or
     a full disk leaves `run.mcap.partial`, complete but for the last second; the next recording of that name
-    leaves it alone and grows as `run.mcap.partial.2`. Without any message, no file is left.
+    keeps it and grows as `run.mcap.partial.2`. Without any message, no file is left.
 
     A thread of its own writes: `add` never waits for the disk, unless more than 8192 samples do.
     """

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from twin.live.reading import Reading
 
 Array = NDArray[np.float64]
-HEALTH_TOPIC = "/health"  # what a running estimator found wrong with a sample
+HEALTH_TOPIC = "/health"  # faults that a running estimator found in a sample
 REFERENCE_TOPIC = "/reference"  # angles that a controller was to follow, as messages of `Estimate`
 SCENE_TOPIC = "/scene"  # topic of the one message that draws the endoscope; it is not read back
 
@@ -157,7 +157,7 @@ def estimate_message(estimate_deg: float, low_deg: float = math.nan, high_deg: f
 
 
 def health_message(reading: "Reading") -> Any:
-    """Return a message of what was wrong with one sample: faults and alarms by name, and the source."""
+    """Return a message of the health of one sample: faults and alarms by name, and the source."""
     return HealthMessage(
         faults=[str(fault.name).lower() for fault in reading.health],
         alarms=[str(alarm.name).lower() for alarm in reading.alarms],

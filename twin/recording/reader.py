@@ -387,7 +387,7 @@ def episode_files(path: str | Path) -> list[Path]:
 
 @dataclasses.dataclass(frozen=True)
 class Recovered:
-    """What precedes the first fault of a file: complete samples, in the order of time."""
+    """Contents of a file before its first fault: complete samples, in the order of time."""
 
     episode: Episode  # of these samples; its metadata has an item `recovered`, unless the file has no fault
     samples: int  # number of complete samples

@@ -1,4 +1,4 @@
-"""Members: the twins that an estimator predicts by, some of them in a sheath that is bent on by and by.
+"""Members: the twins that an estimator predicts by, some of them in a sheath whose bend changes.
 
 A sheath moves while an endoscope is pushed on, and no sensor measures it. Members with sheaths that move,
 each at a pace of its own, are directions in which the weights of an ensemble can follow.
@@ -130,7 +130,7 @@ def members_from_dict(values: Any) -> MemberSet:
 
 
 def check_members(presets: Sequence[Preset]) -> None:
-    """Refuse members that reduced twins cannot be, or that would take hours for a sample."""
+    """Refuse members that reduced twins cannot represent, or that would take hours for a sample."""
     for preset in presets:
         if preset.bending_planes != 1:
             rule = "RAM (twins) estimates the angle of one"

@@ -1,8 +1,8 @@
 """Errors of a sensor along a record: faults of real ones, and the measured errors of the stereo sensor.
 
 Each fault has Gaussian noise of known variance R, and a disturbance of one level that a filter does not know:
-a drift, a memory, a mixture, steps, gaps, a delay, or a value that stays. No training run meets them, but for
-noise that is like the mixture: see `rl.twins.noises`.
+a drift, a memory, a mixture, steps, gaps, a delay, or a value that stays. No training run contains them,
+except for noise like the mixture: see `rl.twins.noises`.
 
 `assets/stereo_noise.json` holds what was measured of the stereo sensor: errors on a grid of angles, and gaps
 where instruments hid it. An error depends on the angle, and less on chance: as the endoscope moves slowly,

@@ -6,9 +6,9 @@ import numpy as np
 
 
 class SeedUse(enum.IntEnum):
-    """Use of a seed; its number stands behind the seed in what a generator begins from.
+    """Use of a seed; its number follows the seed in the entropy of a generator.
 
-    NumPy fills what a generator begins from with zeros (O'Neill's mixing, four words at least): `[1, 1]` and
+    NumPy pads this entropy with zeros (O'Neill's mixing, four words at least): `[1, 1]` and
     `[1, 1, 0]` begin the same stream. Two uses must therefore differ here, not in how many numbers follow.
     """
 

@@ -1,4 +1,4 @@
-"""One door to both twins: that in MuJoCo, and the reduced one, which solves the same equations far faster."""
+"""Interface to both twins: that in MuJoCo, and the reduced one, which solves the same equations far faster."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any

@@ -30,7 +30,7 @@ ACTIONS = {
 
 
 ON_TWINS = ("R", "zero", "ranges")
-"""What a method is given that learned on simulated twins."""
+"""Information that a method gets which learned on simulated twins."""
 
 
 def _learned(

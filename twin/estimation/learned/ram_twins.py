@@ -1,12 +1,12 @@
 """RAM (twins): eq. 10 on an active model that predicts by reduced twins, with a classifier of the noise.
 
 The M twins of the trained file follow the command; the complete step of filters, noise classifier and policy
-is the graph of the file, the very one that was trained (defined in `rl/twins/step.py`). No MuJoCo, no
+is the graph of the file, the same that was trained (defined in `rl/twins/step.py`). No MuJoCo, no
 torch.
 
-A session starts from rest, or with an unknown history: then the members come to the first pull each by a path
-of its own, and the measurements tell which of them are like the endoscope. The initial estimate is used where
-its standard deviation is given.
+A session starts from rest, or with an unknown history: then each member reaches the first pull by a path of
+its own, and the measurements determine which members resemble the endoscope. The initial estimate is used
+where its standard deviation is given.
 """
 
 import dataclasses
@@ -131,7 +131,7 @@ class RamTwins(LearnedStep):
     def follow(
         self, following: "Following", pull_mm: Array, previous_pull_mm: Array
     ) -> tuple[dict[str, Array], "Following"]:
-        """Step the members along the command, and return what they predict."""
+        """Step the members along the command, and return their prediction."""
         after = self.members.step(following, pull_mm, self.sample_time)
         return {"members_deg": after.of_filters(), "way_mm": np.abs(pull_mm - previous_pull_mm)}, after
 

@@ -1,4 +1,4 @@
-"""Reference steps in a trained file: inputs, and what the trained network itself said of them.
+"""Reference steps in a trained file: inputs, and the outputs of the trained network for them.
 
 `rl.export` writes them, computed by torch; here the deployed graph is run on the same inputs. A graph that
 was changed or damaged, or that was exported wrong, returns something else.

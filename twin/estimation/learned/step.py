@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Memory = tuple[NDArray[Any], ...]  # arrays of the state of B filters, (B, ...) each
 
 SAMPLE_TIME = 0.1  # the paper's [s]
-LEAST_VARIANCE = 1e-6  # R [deg^2] below which a graph is given this: it divides by sqrt(R)
+LEAST_VARIANCE = 1e-6  # least R [deg^2] that a graph is given: it divides by sqrt(R)
 UNKNOWN_DEG = 180.0  # half of the interval before anything is measured [deg]
 PARTS, START = "parts", "start"
 """Input that selects the parts that act; key of the numbers of a state that are not zero at the start."""
@@ -48,7 +48,7 @@ class StepNetwork:
     """A graph of one sample."""
 
     file: TrainedFile
-    inputs: tuple[str, ...]  # names of what it takes, without the state
+    inputs: tuple[str, ...]  # names of its inputs, without the state
     state: Mapping[str, tuple[int, ...]]  # shape of each array of the state of one filter, by name
     states_interval: bool  # whether it returns half of a 95 % interval
     first: Mapping[str, float] = dataclasses.field(default_factory=dict)  # numbers that do not start at zero
@@ -118,7 +118,7 @@ class StepState(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class LearnedStep(Estimator[StepState]):
-    """A trained graph, the model that it predicts by, and what it is given."""
+    """A trained graph, the model that it predicts by, and its inputs."""
 
     network: StepNetwork  # graph of the trained file
     model: HysteresisModel | None  # of hysteresis, affine in the angle; None where the graph uses none

@@ -143,7 +143,7 @@ class DrawnEndoscope:
 
 
 def _light_by_the_tip(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Put out the lights of the bench, and light what is before the tip."""
+    """Switch the lights of the bench off, and light the scene in front of the tip."""
     for light in list(spec.lights):
         light.active = False
     spec.visual.headlight.active = 0
