@@ -74,7 +74,7 @@ def train_network(
 ) -> Path:
     """Train a method into a folder (`config.yaml`, `progress.csv` and its file), unless the file is there.
 
-    The weights that `prepare` draws depend on the seed alone.
+    The weights that `prepare` draws depend only on the seed.
     """
     assert spec.training is not None
     path = folder / spec.training.file

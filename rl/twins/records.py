@@ -155,7 +155,7 @@ class Sequences(NamedTuple):
     variance: torch.Tensor  # (B,) R, as given [deg^2]
     zero_deviation_deg: torch.Tensor  # (B,) of what is known of the sensor's zero, as given [deg]
     bias_deg: torch.Tensor  # (B,) the sensor's zero [deg]
-    family: torch.Tensor  # (B,) place of its family, or of its situation, among those that are met
+    family: torch.Tensor  # (B,) place of its family, or of its situation, among those of the training
     linear: torch.Tensor  # (B,) 1 where the linear update is the best there is or near it, else 0
     sample_time: torch.Tensor  # (B,) T [s]
     stride: int  # T in units of that of the records

@@ -10,7 +10,7 @@ from twin.errors import InputError
 from twin.files.bounds import check_between
 from twin.files.trained_schema import MOST_MEMBERS
 
-SAMPLE_TIMES = tuple(stride * SAMPLE_TIME for stride in STRIDES)  # T that can be met [s]
+SAMPLE_TIMES = tuple(stride * SAMPLE_TIME for stride in STRIDES)  # possible T [s]
 MOST_WIDTH = 512  # of the memory of a network
 
 
@@ -28,8 +28,8 @@ class SimulatedTraining:
     episode: int = 300  # samples until all begin again, on other records
     interval_sequences: int = 1536  # that the width of the interval is learned from
     interval_updates: int = 1500  # gradient steps of that
-    noises: tuple[str, ...] = STANDARD  # families of `rl.twins.noises` that are met
-    sample_times: tuple[float, ...] = SAMPLE_TIMES  # T that are met, the most frequent first [s]
+    noises: tuple[str, ...] = STANDARD  # families of `rl.twins.noises` in the training
+    sample_times: tuple[float, ...] = SAMPLE_TIMES  # T of the training, the most frequent first [s]
     seed: int = 0  # of everything that is drawn
 
     def __post_init__(self) -> None:
@@ -48,7 +48,7 @@ class SimulatedTraining:
 
     @property
     def strides(self) -> tuple[int, ...]:
-        """Sample times that are met, in units of that of the records."""
+        """Sample times of the training, in units of that of the records."""
         return tuple(STRIDES[SAMPLE_TIMES.index(time)] for time in self.sample_times)
 
     def scaled(self, options: TrainingOptions) -> Self:

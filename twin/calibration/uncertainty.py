@@ -40,8 +40,8 @@ def uncertainty(fit: Fit) -> Uncertainty:
     """Estimate standard deviations and correlations by linearised least squares.
 
     The covariance is s^2 (J^T J)^-1 (Seber and Wild 1989), with s^2 of `variance_of`, and more where a walk
-    met valleys that explain the logs too: `_between`. In all, parameters that are not fitted are treated as
-    fitted ones with a prior.
+    found other valleys that explain the logs: `_between`. In all, parameters that are not fitted are treated
+    as fitted ones with a prior.
     """
     free, count = fit.free, len(fit.free.names)
     finite = np.isfinite(fit.jacobian).all(axis=0)

@@ -147,7 +147,7 @@ def parse_recipe(text: str | bytes) -> dict[str, Any]:
         values = parse_yaml(text)
     except ValueError as error:
         raise InputError(f"not a YAML file: {error}") from error
-    if values is None:  # comments alone: every key may be left out
+    if values is None:  # only comments: every key may be left out
         return {}
     if not isinstance(values, dict):
         raise InputError("no recipe: expected `key: value` lines")

@@ -114,9 +114,9 @@ class Case:
     measurement_deg: Array  # (B, N) measured bending angle, NaN where there is none [deg]
     initial_bend_deg: Array  # (B,) initial estimate, wrong on purpose [deg]
     sensor: Sensor  # variance and largest magnitude of each run's noise, known to the filters
-    # (B,) kind and level of each run's noise: for the limit alone, which knows all of it
+    # (B,) kind and level of each run's noise: only for the limit, which knows all of it
     noises: tuple[tuple[str, float], ...] = ()
-    truth_deg: Array | None = None  # (B, N) true angle, given to oracles alone [deg]
+    truth_deg: Array | None = None  # (B, N) true angle, given only to oracles [deg]
 
 
 CaseEstimator = Callable[[Case], Array]  # returns (B, N) estimated angles [deg] of a case

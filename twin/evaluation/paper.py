@@ -13,7 +13,7 @@ from twin.estimation.registry import method_spec
 from twin.signals.noise import SENSORS
 
 INSTRUMENT = "ureteroscope"
-"""Preset of the paper's instrument: its figures are shown with results on its records alone."""
+"""Preset of the paper's instrument: its figures are shown only with results on its records."""
 INDICES = ("mae_deg", "rmse_deg", "md_deg", "var_deg2")
 
 

@@ -39,7 +39,7 @@ class MethodRank:
     rank_ci95: tuple[Place, Place] | None  # interval of the rank
     # interval of its error in units of that of the first: above 1, the first is better
     to_best_ci95: tuple[Positive, Positive] | None
-    # the same under each noise alone, in units of the first under that noise
+    # the same under each single noise, in units of the first under that noise
     noise_to_best_ci95: tuple[tuple[Positive, Positive] | None, ...] = ()
 
 

@@ -54,7 +54,7 @@ class Scenario:
     stroke_mm: tuple[float, float]  # lowest and highest pulling distance [mm]
     pull: Array  # (N,) command [m]
     sheath_bend: Array | None = None  # (N,) where the sheath is bent during the record [rad]
-    tip_force: Array | None = None  # (N,) that pushes the tip sideways, in MuJoCo alone [N]
+    tip_force: Array | None = None  # (N,) that pushes the tip sideways, only in MuJoCo [N]
 
 
 def scenarios(preset: Preset, ranges: Ranges, seconds: float, seed: int) -> list[Scenario]:

@@ -55,7 +55,7 @@ for _tag, _pattern, _first in (
 
 
 def read_yaml(path: str | Path, most_bytes: int = MOST_BYTES) -> Any:
-    """Read the values of a YAML file; null where there are comments alone. Errors name the file."""
+    """Read the values of a YAML file; null where there are only comments. Errors name the file."""
     content = read_limited(path, most_bytes)
     try:
         return parse_yaml(content, most_bytes)

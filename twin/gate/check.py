@@ -44,7 +44,7 @@ class Check(BaseModel):
     name: Line = ""  # of the check; its declaration sets it
     # what the user can do where the check does not hold; that of its declaration, if it has no other
     remedy: Line = ""
-    # for the page alone: name, pull [mm], angle [deg] and what is compared with it [deg]
+    # only for the page: name, pull [mm], angle [deg] and what is compared with it [deg]
     curves: Annotated[tuple[Any, ...], Field(exclude=True)] = ()
 
     @property

@@ -38,7 +38,7 @@ from twin.signals.sensor import smoothed, smoothing_deviation
 Array = NDArray[np.float64]
 Stroke = tuple[float, float]  # lowest and highest pull [mm]
 
-STREAM = 0x656E646F7477696E  # of the gate alone: seeds of trainings are small numbers, and differ in length
+STREAM = 0x656E646F7477696E  # only of the gate: seeds of trainings are small numbers, and differ in length
 NOISES: tuple[tuple[str, float], ...] = (
     ("gaussian", 1.0),
     ("laplace", 1.0),

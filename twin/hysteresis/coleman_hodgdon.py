@@ -37,7 +37,7 @@ class ColemanHodgdon:
     c_deg_per_mm: ArrayLike
 
     def start(self, pull_mm: ArrayLike) -> Array:
-        """Return the memory at the first sample, (0, B): empty, as the angle is the whole state."""
+        """Return the memory at the first sample, (0, B): empty, as the angle is the complete state."""
         return np.empty((0, np.size(pull_mm)))
 
     def step(

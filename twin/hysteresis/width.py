@@ -16,7 +16,7 @@ def hysteresis_share(pull: Array, bend: Array) -> tuple[float, float]:
     """Return the width of the loops of a log, as a share of the range of its angle, and its deviation.
 
     The width is the difference of the angle (N,) between falling and rising commands (N,) of equal size, its
-    median over the stroke; NaN where no command is met in both directions. NaN angles are left out.
+    median over the stroke; NaN where no command occurs in both directions. NaN angles are left out.
     """
     way = np.sign(np.diff(pull, prepend=pull[:1]))
     known = ~np.isnan(bend)

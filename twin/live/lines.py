@@ -99,7 +99,7 @@ class Answer(NamedTuple):
 
 
 def numbered_lines(stream: BinaryIO) -> Iterator[tuple[int, bytes | None]]:
-    """Yield number (from 1 on) and bytes of each line of a buffered stream that is not white space alone.
+    """Yield number (from 1 on) and bytes of each line of a buffered stream that is not only white space.
 
     A line longer than `LONGEST_LINE` is yielded as None as soon as that is known; the rest of it is skipped
     piece by piece. The last line needs no end.

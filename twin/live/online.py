@@ -331,7 +331,7 @@ class OnlineEstimator(Generic[State]):
                 self._faulty = 0
 
     def restart_from(self, trusted: State | None, bend_deg: float) -> None:
-        """Restart at an angle that is believed [deg], with what the estimator had learned until a state."""
+        """Restart at a known angle [deg], with what the estimator had learned until a state."""
         self._trusted = self._latest_good = trusted
         self._good_in_a_row = self._faulty = 0
         self._outliers.clear()

@@ -75,7 +75,7 @@ class SensorCheck:
     """Filter of one stream, its snapshots, and the verdict on the sensor.
 
     Attributes:
-        alarm: `Alarm` of the sensor as a number; 0 while it is believed.
+        alarm: `Alarm` of the sensor as a number; 0 while it is trusted.
         doubted: whether the interval has to include the prediction; not during an alarm.
         kept: what came with the sample from which the twins predict.
         moved_zero_deg: how far the zero has moved where the last alarm ended so; 0 where the sensor agreed.

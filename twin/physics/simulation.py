@@ -32,7 +32,7 @@ def simulate(
 ) -> Episode:
     """Simulate an endoscope along a command signal; see `twin.simulate`."""
     command = Command.of(preset, pull, sample_time, lateral_pull, sheath_bend)
-    # Without a caller who could draw it, it is not drawn.
+    # No caller can draw it, so it is built without shapes.
     endoscope = endoscope or Endoscope.from_preset(preset, drawn=on_sample is not None)
     if state is not None:
         endoscope.restore_state(state)

@@ -26,7 +26,7 @@ class Preset:
 
     The moment of the bent section is section_stiffness * b * (1 + section_stiffening * b^2), with the bend b
     counted from `initial_bend`. Every friction but that of the sheath at rest (`stiction`) is that of
-    sliding. `wire_stiffness` is that of the whole wire, through the sheath.
+    sliding. `wire_stiffness` is that of the entire wire, through the sheath.
     """
 
     name: str
@@ -37,9 +37,9 @@ class Preset:
     vertebrae: int = _within(16, 1, 128)  # rigid links, each on a hinge or on two crossed ones
     section_length: float = _within(0.04, 1e-3, 2.0)  # [m]
     section_mass: float = _within(2e-4, 1e-9, 10.0)  # [kg]
-    section_stiffness: float = _within(0.05, 1e-6, 1e3)  # of the whole section, hinges in series [N m / rad]
+    section_stiffness: float = _within(0.05, 1e-6, 1e3)  # of the entire section, hinges in series [N m / rad]
     section_stiffening: float = _within(0.0, 0.0, 20.0)  # [1 / rad^2]
-    section_damping: float = _within(3e-5, 0.0, 10.0)  # viscous, of the whole section [N m s / rad]
+    section_damping: float = _within(3e-5, 0.0, 10.0)  # viscous, of the entire section [N m s / rad]
     initial_bend: float = _within(0.0, -math.pi, math.pi)  # where no wire pulls [rad]
     lateral_initial_bend: float = _within(0.0, -math.pi, math.pi)  # the same, of wires c and d [rad]
     joint_friction: float = _within(1e-3, 0.0, 10.0)  # mean dry friction of one hinge [N m], for any number
@@ -50,9 +50,9 @@ class Preset:
     routing_friction: float = _within(0.0, 0.0, 2.0)  # coefficient of wires on the vertebrae [-]
 
     # The wires.
-    wire_stiffness: float = _within(8e3, 10.0, 1e6)  # E A / length of a whole wire, without tension [N / m]
+    wire_stiffness: float = _within(8e3, 10.0, 1e6)  # E A / length of an entire wire, without tension [N / m]
     wire_stiffening: float = _within(0.0, 0.0, 10.0)  # growth with tension [1 / N]: strands and liner settle
-    wire_damping: float = _within(3.0, 0.0, 1e5)  # of one whole wire against its stretch rate [N s / m]
+    wire_damping: float = _within(3.0, 0.0, 1e5)  # of one entire wire against its stretch rate [N s / m]
     pretension: float = _within(3.0, 0.0, 500.0)  # as wound up, at the pulley [N]; less at the tip
     wire_slack: float = _within(0.0, 0.0, 0.02)  # of each wire in a new, straight endoscope [m]
 

@@ -37,7 +37,7 @@ _SHEATH_RADIUS, _TIP_RADIUS, _VERTEBRA_RADIUS, _LENS_RADIUS, _BACKBONE_RADIUS = 
 _WIRE_THICKNESS = 0.3
 # Of the length of a link.
 _VERTEBRA_BEGINS, _VERTEBRA_ENDS, _TIP_BEGINS = 0.2, 0.8, 0.7
-_SHEATH_SHOWN = 0.5  # of the length of the bending section: the whole sheath would be out of the picture
+_SHEATH_SHOWN = 0.5  # of the length of the bending section: the entire sheath would be out of the picture
 _TAPER = 0.94  # of the far end of a vertebra: an edge that separates it from the next one
 
 

@@ -1,4 +1,4 @@
-"""Writer of an episode into one MCAP file, whose bytes depend on the episode alone."""
+"""Writer of an episode into one MCAP file, whose bytes depend only on the episode."""
 
 import itertools
 import json

@@ -41,7 +41,7 @@ from twin.mechanics.kernels import fused, inlined
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]
 
-HELD = 1e-3  # share of its stiffness that a slack segment is given in the linear system alone
+HELD = 1e-3  # share of its stiffness that a slack segment has, only in the linear system
 RESIDUAL_N = 1e-7  # force that is missing from equilibrium at any node, at most [N]
 NODE, BEFORE, STRETCH, STRETCH_BEFORE, TENSION, FORCE, SLOPE = range(7)
 """Rows of the scratch arrays of a chain with N nodes and N + 1 segments.

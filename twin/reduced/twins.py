@@ -33,7 +33,7 @@ TOLERANCE = np.radians(0.01)  # distance from the wanted bend that an inverse ma
 
 
 class ReducedTwins:
-    """M endoscopes in quasi-static equilibrium, advanced together; the whole state is plain arrays."""
+    """M endoscopes in quasi-static equilibrium, advanced together; the complete state is plain arrays."""
 
     def __init__(self, presets: Sequence[Preset], sample_time: float | None = None) -> None:
         """Build M endoscopes of one layout that are at rest.

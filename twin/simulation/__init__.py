@@ -1,4 +1,4 @@
-"""Interface to both twins: that in MuJoCo, and the reduced one, which solves the same equations far faster."""
+"""Interface of both twins: in MuJoCo, and the reduced one, which solves the same equations far faster."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any

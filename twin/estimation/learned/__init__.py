@@ -1,1 +1,1 @@
-"""Learned estimators, run by NumPy and ONNX Runtime alone; `rl/` trains them."""
+"""Learned estimators, run by NumPy and ONNX Runtime only; `rl/` trains them."""

@@ -136,7 +136,7 @@ class LearnedStep(Estimator[StepState]):
         )
 
     def at(self, sample_time: float) -> Self:
-        """Return the estimator for another T [s]; raises `ValueError` if it was trained for one alone."""
+        """Return the estimator for another T [s]; raises `ValueError` if it was trained for only one."""
         if self.trained_at is not None and abs(sample_time - self.trained_at) > 1e-9:
             raise InputError(
                 f"sample_time = {sample_time:g}: {self.network.file.path} was trained at "
@@ -145,7 +145,7 @@ class LearnedStep(Estimator[StepState]):
         return dataclasses.replace(self, sample_time=sample_time)
 
     def over(self, elapsed_s: float) -> Self:
-        """Return the estimator of another T [s]; itself, where it was trained at one T alone."""
+        """Return the estimator of another T [s]; itself, if it was trained at only one T."""
         return self if self.trained_at is not None else dataclasses.replace(self, sample_time=elapsed_s)
 
     @functools.cached_property

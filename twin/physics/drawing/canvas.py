@@ -103,7 +103,7 @@ class Canvas:
             camera.frustum_top = (view.shift[1] + 1.0) * scale
 
     def _read(self) -> Layer:
-        """Return the colours and the alpha of what was drawn: MuJoCo itself reads colours alone."""
+        """Return the colours and the alpha of what was drawn: MuJoCo itself reads only colours."""
         gl, width, height = self._gl, self.width, self.height
         mujoco.mjr_readPixels(self._pixel, None, mujoco.MjrRect(0, 0, 1, 1), self._renderer)
         source = self._renderer.offFBO
