@@ -1,7 +1,7 @@
 """One method against each other under each noise: `python docs/examples/paired.py results/paper RAM`.
 
-Errors are ratios to those of the method: above 1, it is better. Intervals are of 95 %, by a paired bootstrap
-over trainings, records and draws.
+Errors are ratios to those of the method: above 1, it is better. Intervals are of 95 %, by a paired jackknife
+over trainings and records.
 """
 
 import sys
@@ -18,8 +18,7 @@ folder, method = Path(sys.argv[1]), sys.argv[2]
 noises: dict[str, dict[str, np.ndarray]] = {}
 for head, squares in load_runs(folder / "runs.npz"):
     noises.setdefault(noise_label(head.noise, head.level), {})[head.method] = squares[:, None]
-rng = np.random.default_rng(1)
-columns = [times_reference([squares], method, rng) for squares in noises.values()]
+columns = [times_reference([squares], method) for squares in noises.values()]
 rows = []
 for other in (name for name in columns[0] if name != method):
     cells = (of[other] for of in columns)

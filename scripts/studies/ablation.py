@@ -43,7 +43,6 @@ from twin.files.origin import origin_of
 from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.report.figures import INK, MUTED, clean_axes, to_png_bytes
 from twin.report.tables import aligned_table, in_brackets, twin_name
-from twin.signals.streams import SeedUse, random_stream
 from twin.workers.processes import choose_workers, shared_table
 
 NAME = "ablation"
@@ -131,7 +130,7 @@ def run_ablation(
     records = evaluation_records(paths, protocol.sample_time_s)
     methods = [_method(ablation, variant) for variant in ablation.variants]
     found = compare(records, methods, protocol, progress("evaluate", "group"), executor)
-    return _rows(found, ablation.variants, random_stream(ablation.seed, SeedUse.ABLATION))
+    return _rows(found, ablation.variants)
 
 
 def _runs(ablation: Ablation) -> list[TrainingRun]:
@@ -155,12 +154,12 @@ def _method(ablation: Ablation, variant: Variant) -> Method:
     return Method(variant.name, first, others=tuple(others))
 
 
-def _rows(found: Comparison, variants: Sequence[Variant], rng: np.random.Generator) -> list[Row]:
+def _rows(found: Comparison, variants: Sequence[Variant]) -> list[Row]:
     groups: dict[Any, dict[str, list[Any]]] = {}
     for score, squares in zip(found.scores, found.squares, strict=True):
         groups.setdefault(score.group, {}).setdefault(score.method, []).append(squares)
     together = [{name: np.stack(of, axis=1) for name, of in group.items()} for group in groups.values()]
-    times = times_reference(together, WHOLE, rng)
+    times = times_reference(together, WHOLE)
     rows = []
     for variant in variants:
         scores = [score for score in found.scores if score.method == variant.name]

@@ -21,6 +21,7 @@ WHOLE = dataclasses.replace(
     nis=1.2,
     crps_deg=0.2,
     to_best_ci95=(1.1, 1.4),
+    is_best=True,
 )
 OPTIONAL = {
     "given",
@@ -35,6 +36,7 @@ OPTIONAL = {
     "crps_deg",
     "training_rmse_deg",
     "to_best_ci95",
+    "is_best",
 }
 
 

@@ -28,7 +28,6 @@ from twin.evaluation.reading import (
 from twin.evaluation.score import Score
 from twin.recording import EpisodeWriter, read_episode
 from twin.recording.messages import estimate_message, estimate_topic, to_nanoseconds
-from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -154,12 +153,15 @@ def _compare_group(
             scores[condition, method.name] = row
         squares[method.name] = _squares(errors, [record.known for _, record in records])
     oracles = [method.name for method in methods if method.oracle]
-    rng = random_stream(protocol.seed, SeedUse.RANKS, records[0][0])
-    ranked = rank_methods(squares, oracles, rng)
+    ranked = rank_methods(squares, oracles)
     first = records[0][1]
     order = list(itertools.product(range(len(conditions)), ranked))
     rows = [
-        dataclasses.replace(scores[conditions[place], of.method], to_best_ci95=of.noise_to_best_ci95[place])
+        dataclasses.replace(
+            scores[conditions[place], of.method],
+            to_best_ci95=of.noise_to_best_ci95[place],
+            is_best=of.noise_is_best[place],
+        )
         for place, of in order
     ]
     count = len(first.time)

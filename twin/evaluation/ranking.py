@@ -1,13 +1,17 @@
-"""Ranks of methods that share records and noise, with intervals by a paired, hierarchical bootstrap.
+"""Ranks of methods that share records and noise, with intervals by a paired jackknife.
 
-Records are drawn with replacement, draws of the noise within each, and training runs of each method (Davison
-and Hinkley 1997, section 3.8). All methods run on the same draws, so that a difference is free of what
-records and noise have in common; differences between training runs are in it. The figure of a method is the
-geometric mean over noises of its mean RMSE, as everywhere in this project.
+One record at a time is left out with all its draws of the noise, and one training run of a method (Efron and
+Tibshirani 1993, section 11.2). The variances add up. Student's t has the degrees of freedom of Satterthwaite
+(1946), because a bootstrap of five records is too narrow. All methods see the same draws, so a difference is
+free of what records and noise have in common. The figure of a method is the geometric mean over noises of its
+mean RMSE, as everywhere in this project.
 """
 
 import dataclasses
+import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Annotated, Any
 
 import numpy as np
@@ -16,13 +20,14 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from twin.errors import InputError
 from twin.estimation.registry import method_spec
-from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.score import LARGEST, LONGEST_TEXT
 from twin.files.json_text import key_name, rule_of
 
 Array = NDArray[np.float64]
-RESAMPLES = 1000
-INTERVAL = (2.5, 97.5)  # percentiles of a 95 % interval
+ERROR_RATE = 0.05  # of one interval, and of all statements of one kind about a group of records
+_TRAININGS, _RECORDS, _DRAWS = 0, 2, 3  # axes of square errors
+_LEAST_RMSE = 1e-9  # [deg]
+_LARGEST_LOG = math.log(LARGEST)
 Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
 Place = Annotated[int, Field(ge=1, le=10_000)]
 Name = Annotated[str, Field(max_length=LONGEST_TEXT)]
@@ -36,11 +41,12 @@ class MethodRank:
     rmse_deg: Positive  # geometric mean over noises of its RMSE [deg]
     rmse_ci95_deg: tuple[Positive, Positive] | None  # interval of that [deg]; None where there is but one run
     rank: Place | None  # 1 for the least error; None for oracles and ensembles, the references
-    rank_ci95: tuple[Place, Place] | None  # interval of the rank
+    rank_ci95: tuple[Place, Place] | None  # interval of the rank, for all methods at once
     # interval of its error in units of that of the first: above 1, the first is better
     to_best_ci95: tuple[Positive, Positive] | None
     # the same under each single noise, in units of the first under that noise
     noise_to_best_ci95: tuple[tuple[Positive, Positive] | None, ...] = ()
+    noise_is_best: tuple[bool, ...] = ()  # whether it is the best under each noise, beyond doubt
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +65,7 @@ class Ranking:
         first = sorted(self.ranked, key=lambda of: of.rmse_deg)
         rows = [dataclasses.asdict(of) for of in first]
         for row in rows:
-            del row["noise_to_best_ci95"]  # in the rows of the noises
+            del row["noise_to_best_ci95"], row["noise_is_best"]  # in the rows of the noises
         place = {"sample_time_s": self.sample_time_s, "stroke_mm": list(self.stroke_mm), "twin": self.twin}
         return place | {"ranked": rows}
 
@@ -82,111 +88,153 @@ def competes(method: str, oracle: bool = False) -> bool:
     return not oracle and (spec is None or spec.presentation.family != "ensemble")
 
 
-def rank_methods(
-    squares: Mapping[str, Array], oracles: Sequence[str], rng: np.random.Generator
-) -> list[MethodRank]:
+def rank_methods(squares: Mapping[str, Array], oracles: Sequence[str] = ()) -> list[MethodRank]:
     """Return the ranks of methods, in the order that they are given in; `oracles` are shown the truth.
 
     `squares` are, by method, (K, C, R, S) mean square errors under C noises on R records and S draws of each
-    noise, of K training runs [deg^2].
+    noise, of K training runs [deg^2]. There are no intervals where there is but one run of each method.
     """
     shapes = {of.shape[1:] for of in squares.values()}
     if len(shapes) != 1:
         raise ValueError(f"runs of shapes {sorted(shapes)}: methods must be compared on the same ones")
-    conditions, records, draws = shapes.pop()
-    found = np.stack([_rmse(of) for of in squares.values()])  # (methods, noises)
-    whole = geometric_mean(found, axis=1)
     racing = [place for place, name in enumerate(squares) if competes(name, name in oracles)]
-    ranks = dict(zip(racing, _ranks(whole[racing]).tolist(), strict=True))
-    ranked = [
-        MethodRank(name, float(whole[place]), None, ranks.get(place), None, None, (None,) * conditions)
-        for place, name in enumerate(squares)
-    ]
-    if records * draws == 1:  # there is nothing to resample
-        return ranked
-    resampled = np.stack([_resample(squares, rng) for _ in range(RESAMPLES)])  # (RESAMPLES, methods, C)
-    wholes = geometric_mean(resampled, axis=2)
-    ranked = [dataclasses.replace(of, rmse_ci95_deg=_interval(wholes[:, i])) for i, of in enumerate(ranked)]
-    if not racing:
-        return ranked
-    rank_intervals = dict(zip(racing, map(_whole_interval, _ranks(wholes[:, racing]).T), strict=True))
-    best = racing[int(np.argmin(whole[racing]))]
-    best_of_noise = np.array(racing)[found[racing].argmin(axis=0)]
-    first = resampled[:, best_of_noise, np.arange(conditions)]
+    whole = _Errors([squares])
+    noises = [_Errors([{name: of[:, [c]] for name, of in squares.items()}]) for c in range(shapes.pop()[0])]
+    order = sorted(racing, key=lambda place: whole.log[place])
+    rank_intervals = _rank_intervals(whole, racing)
+    best_of = [min(racing, key=lambda place: noise.log[place], default=None) for noise in noises]
+    winners = _winners(noises, best_of, racing)
     return [
-        dataclasses.replace(
-            of,
-            rank_ci95=rank_intervals.get(place),
-            to_best_ci95=_interval(wholes[:, place] / wholes[:, best]),
-            noise_to_best_ci95=tuple(map(_interval, (resampled[:, place] / first).T)),
+        MethodRank(
+            name,
+            float(np.exp(whole.log[place])),
+            whole.interval(place),
+            order.index(place) + 1 if place in racing else None,
+            rank_intervals.get(place),
+            whole.interval(place, order[0]) if racing else None,
+            tuple(
+                None if best is None else noise.interval(place, best)
+                for noise, best in zip(noises, best_of, strict=True)
+            ),
+            tuple(place == winner for winner in winners),
         )
-        for place, of in enumerate(ranked)
+        for place, name in enumerate(squares)
     ]
 
 
 def times_reference(
-    groups: Sequence[Mapping[str, Array]], reference: str, rng: np.random.Generator
+    groups: Sequence[Mapping[str, Array]], reference: str
 ) -> dict[str, tuple[float, tuple[float, float] | None]]:
     """Return each method's error over all groups in units of that of one method, with its 95 % interval.
 
-    It is the ratio of the geometric means over groups and noises; the interval is None where there is but one
-    run.
+    Groups are like `squares` of `rank_methods`; the training runs of a method are the same in all. The ratio
+    is of the geometric means over groups and noises; the interval is None where there is but one run.
     """
-    names = list(groups[0])
-    place = names.index(reference)
-
-    def over_all(errors: list[Array]) -> Array:
-        """Return (methods,) ratios of the geometric means of errors (methods, C) on each group."""
-        whole = geometric_mean(np.concatenate(errors, axis=1), axis=1)
-        return np.asarray(whole / whole[place])
-
-    found = over_all([np.stack([_rmse(of) for of in group.values()]) for group in groups])
-    if all(of.size == of.shape[1] for group in groups for of in group.values()):
-        return {name: (float(ratio), None) for name, ratio in zip(names, found, strict=True)}
-    drawn = []
-    for _ in range(RESAMPLES):
-        trainings = [rng.integers(len(of), size=len(of)) for of in groups[0].values()]
-        drawn.append(over_all([_resample(group, rng, trainings) for group in groups]))
-    intervals = map(_interval, np.array(drawn).T)
-    return {name: (float(of), interval) for name, of, interval in zip(names, found, intervals, strict=True)}
+    names, errors = list(groups[0]), _Errors(groups)
+    one = names.index(reference)
+    return {
+        name: (float(np.exp(errors.log[place] - errors.log[one])), errors.interval(place, one))
+        for place, name in enumerate(names)
+    }
 
 
-def _resample(
-    squares: Mapping[str, Array],
-    rng: np.random.Generator,
-    trainings: Sequence[NDArray[np.int64]] | None = None,
-) -> Array:
-    """Return (methods, C) the RMSE of methods on resampled records and draws, the same for all.
+class _Errors:
+    """Errors of M methods over groups of records, and how they change with what is left out.
 
-    `trainings` are indices of the resampled training runs of each method; drawn here, if not given.
+    Attributes:
+        log: (M,) log of the geometric mean over groups and noises of the RMSE [deg].
+        left_out: arrays (units, M) of its change, up to a constant, as one unit is left out: a record of a
+            group (a draw, where there is one record), or a training run of one method. Empty where there is
+            one run.
     """
-    _, conditions, records, draws = next(iter(squares.values())).shape
-    everything = np.arange(conditions)[:, None, None]
-    record = rng.integers(records, size=(records, 1))
-    draw = rng.integers(draws, size=(records, draws))
-    found = []
-    for place, of in enumerate(squares.values()):
-        chosen = rng.integers(len(of), size=len(of)) if trainings is None else trainings[place]
-        found.append(_rmse(of[chosen[:, None, None, None], everything, record, draw]))
-    return np.array(found)
+
+    def __init__(self, groups: Sequence[Mapping[str, Array]]):
+        names = list(groups[0])
+        columns = sum(group[names[0]].shape[1] for group in groups)
+        sums = [[_log_rmse(group[name]).sum() for name in names] for group in groups]
+        self.log: Array = np.sum(sums, axis=0) / columns
+        self.left_out: list[Array] = []
+        for group in groups:
+            axis = _RECORDS if group[names[0]].shape[_RECORDS] > 1 else _DRAWS
+            if group[names[0]].shape[axis] > 1:
+                without = [_log_rmse_without(group[name], axis) for name in names]
+                self.left_out.append(np.stack(without, axis=1) / columns)
+        for place, name in enumerate(names):
+            if len(groups[0][name]) > 1:
+                without = sum(_log_rmse_without(group[name], _TRAININGS) for group in groups)
+                self.left_out.append(np.outer(without, np.eye(len(names))[place]) / columns)
+
+    def difference(self, one: int, other: int | None) -> tuple[float, float, float]:
+        """Return the log ratio of two errors, or one log error, its deviation and degrees of freedom."""
+        log = self.log[one] - (0 if other is None else self.log[other])
+        units = [of[:, one] - (0 if other is None else of[:, other]) for of in self.left_out]
+        variances = [((len(of) - 1) * float(of.var()), len(of) - 1) for of in units]
+        total = sum(variance for variance, _ in variances)
+        squares = sum(variance**2 / freedom for variance, freedom in variances)
+        return float(log), math.sqrt(total), total**2 / squares if squares else 1.0
+
+    def interval(self, one: int, other: int | None = None) -> tuple[float, float] | None:
+        """Return the 95 % interval of an error [deg], or of the ratio of two."""
+        from scipy.special import stdtrit  # imported when used: cards of datasets need none of it
+
+        if not self.left_out:
+            return None
+        log, deviation, freedom = self.difference(one, other)
+        half = deviation * float(stdtrit(freedom, 1 - ERROR_RATE / 2))
+        return math.exp(max(log - half, -_LARGEST_LOG)), math.exp(min(log + half, _LARGEST_LOG))
+
+    def doubt(self, one: int, other: int) -> float:
+        """Return the probability of as large a difference between two methods that are equal."""
+        from scipy.special import stdtr
+
+        log, deviation, _ = self.difference(one, other)
+        if not self.left_out or log == 0:
+            return 1.0
+        freedom = min(len(of) for of in self.left_out) - 1  # cautious: tails are heavier than Student's
+        return 2 * float(stdtr(freedom, -abs(log) / deviation)) if deviation else 0.0
 
 
-def _rmse(squares: Array) -> Array:
-    """Return (C,) the RMSE over records, averaged over trainings and draws, of (K, C, R, S) square errors."""
-    rmse: Array = np.sqrt(np.maximum(squares.mean(axis=2), 1e-18)).mean(axis=(0, 2))
-    return rmse
+def _rank_intervals(errors: _Errors, racing: Sequence[int]) -> dict[int, tuple[int, int]]:
+    """Return the interval of each rank: what is surely better comes before it, what is surely worse after."""
+    if not errors.left_out:
+        return {}
+    pairs = list(combinations(sorted(racing, key=lambda place: errors.log[place]), 2))
+    holds = holm([errors.doubt(*pair) for pair in pairs])
+    sure = [pair for pair, is_sure in zip(pairs, holds, strict=True) if is_sure]
+    better, worse = (Counter(pair[side] for pair in sure) for side in (1, 0))
+    return {place: (1 + better[place], len(racing) - worse[place]) for place in racing}
 
 
-def _ranks(figures: Array) -> NDArray[np.int64]:
-    """Return the ranks, from 1, along the last axis."""
-    return np.asarray(figures.argsort(axis=-1, kind="stable").argsort(axis=-1, kind="stable") + 1)
+def _winners(
+    noises: Sequence[_Errors], best_of: Sequence[int | None], racing: Sequence[int]
+) -> list[int | None]:
+    """Return the method under each noise that is surely better than each other one, if there is one."""
+    doubts = [
+        max((errors.doubt(best, other) for other in racing if other != best), default=0.0)
+        if best is not None
+        else 1.0
+        for errors, best in zip(noises, best_of, strict=True)
+    ]
+    return [best if is_sure else None for best, is_sure in zip(best_of, holm(doubts), strict=True)]
 
 
-def _interval(values: Array) -> tuple[float, float]:
-    low, high = np.percentile(values, INTERVAL)
-    return float(low), float(high)
+def holm(doubts: Sequence[float]) -> list[bool]:
+    """Return which of several statements hold together, by their probabilities under chance (Holm 1979)."""
+    order = np.argsort(doubts, kind="stable")
+    bound = ERROR_RATE / np.arange(len(doubts), 0, -1)
+    within = np.logical_and.accumulate(np.asarray(doubts)[order] <= bound)
+    holds = np.zeros(len(doubts), dtype=bool)
+    holds[order] = within
+    return holds.tolist()
 
 
-def _whole_interval(ranks: NDArray[np.int64]) -> tuple[int, int]:
-    low, high = np.percentile(ranks, INTERVAL, method="nearest")
-    return int(low), int(high)
+def _log_rmse(squares: Array) -> Array:
+    """Return (C,) log RMSE over records, averaged over trainings and draws, of (K, C, R, S) square errors."""
+    rmse = np.sqrt(squares.mean(axis=_RECORDS)).mean(axis=(0, -1))
+    return np.asarray(np.log(np.maximum(rmse, _LEAST_RMSE)))
+
+
+def _log_rmse_without(squares: Array, axis: int) -> Array:
+    """Return (n,) sums of `_log_rmse`, each without one of the n training runs, records or draws."""
+    count = range(squares.shape[axis])
+    return np.array([_log_rmse(np.delete(squares, of, axis=axis)).sum() for of in count])

@@ -61,6 +61,8 @@ class Score:
         crps_deg: mean continuous ranked probability score of a normal distribution of that interval [deg].
         to_best_ci95: 95 % interval of its RMSE in units of that of the best method that competes, on the same
             records and draws; None where there was but one run.
+        is_best: whether it is better than each other method that competes, beyond doubt: correct for all
+            noises of its records together in 95 % of comparisons.
     """
 
     noise: Text
@@ -88,6 +90,7 @@ class Score:
     nis: Figure | None = None
     crps_deg: Figure | None = None
     to_best_ci95: Interval | None = None
+    is_best: Annotated[bool, Field(strict=True)] = False
 
     @property
     def condition(self) -> tuple[str, float]:

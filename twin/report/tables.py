@@ -16,7 +16,7 @@ from twin.evaluation.costs import Cost
 from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.paper import TABLES, PaperTable, noise_label, paper_value
 from twin.evaluation.protocol import RECORDED, SUITES, Condition
-from twin.evaluation.ranking import MethodRank, Ranking, competes
+from twin.evaluation.ranking import MethodRank, Ranking
 from twin.evaluation.score import Group, Score, mean_coverage, rmse_by
 from twin.files.atomic import MADE_BY
 from twin.signals.noise import noise_variance
@@ -59,16 +59,8 @@ def protocol_scores(scores: Sequence[Score], sample_time_s: float | None = None)
 
 
 def clear_best(scores: Iterable[Score]) -> str | None:
-    """Return the label of the least RMSE where the paired 95 % intervals of all others exclude it.
-
-    Returns:
-        None where another is level with it, or no interval is known.
-    """
-    racing = [score for score in scores if competes(score.method, score.oracle)]
-    racing.sort(key=lambda score: score.rmse_deg)
-    if not racing or any(score.to_best_ci95 is None or score.to_best_ci95[0] <= 1 for score in racing[1:]):
-        return None
-    return racing[0].label
+    """Return the label of the best method under a noise; None where another may be as good."""
+    return next((score.label for score in scores if score.is_best), None)
 
 
 def is_limit(method: str) -> bool:
