@@ -100,7 +100,6 @@ def _paper(args: Evaluate) -> Summary:
     from twin.evaluation.reading import chosen_measurements
     from twin.files.atomic import MADE_BY, write_whole
     from twin.hysteresis import ColemanHodgdon
-    from twin.report.figures import paper_figures, rmse_figure, to_png_bytes
     from twin.report.tables import paper_tables, score_table
 
     measurements, of_logs = chosen_measurements(args.measurements, args.data)
@@ -130,9 +129,6 @@ def _paper(args: Evaluate) -> Summary:
     table = score_table if recorded else paper_tables
     shown, written = (_with_trainings(result.scores, fmt, table) for fmt in ("plain", "markdown"))
     write_whole(args.out / "tables.md", f"{written}\n<!-- {MADE_BY} -->\n")
-    write_whole(args.out / "rmse.png", to_png_bytes(rmse_figure(result.scores)))
-    for number, (figure, _) in paper_figures(result.tracks, result.scores).items():
-        write_whole(args.out / f"figure_{number:02d}.png", to_png_bytes(figure))
     return _summary(suite, result, {}, shown)
 
 

@@ -11,7 +11,7 @@ from concurrent.futures import Executor, as_completed
 from pathlib import Path
 from typing import Any
 
-from rl.comparison.paper import FIGURES, PHI, RESULTS, write_results
+from rl.comparison.paper import PHI, RESULTS, write_results
 from rl.comparison.settings import Result, Suite
 from rl.options import TRAINING_STROKE_MM, TrainingOptions
 from rl.sweep import folder_of
@@ -41,7 +41,7 @@ from twin.files.run_folder import claim_folder
 from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.reduced.members import check_members
 from twin.reduced.parameters import refuse_gravity
-from twin.report.figures import comparison_figures
+from twin.report.publication import NAMES, write_publication
 from twin.report.tables import comparison_tables, condition_pages, costs_csv, page_names, scores_csv
 from twin.workers.processes import choose_workers
 
@@ -57,9 +57,8 @@ RECORDS = {"full": ("records", scenarios), "untrained": ("records_untrained", un
 
 def full_files() -> dict[str, str]:
     """Return the files of the full suite, with a page for each condition, and their marks."""
-    figures = ["rmse_by_noise.png", "times_the_limit.png", "ranks.png", "intervals.png", *FIGURES]
     tables = {"scores.csv": "method,oracle,noise", "costs.csv": "method,sample_us"}
-    return RESULTS | tables | dict.fromkeys(["benchmark.md", *figures, *page_names()], MADE_BY)
+    return RESULTS | tables | dict.fromkeys(["benchmark.md", *NAMES, *page_names()], MADE_BY)
 
 
 def run_full_suite(suite: Suite, progress: NewProgress) -> Result:
@@ -293,13 +292,13 @@ def _write(
     of_methods = {method: dataclasses.asdict(cost) for method, cost in costs.items()}
     write_results(suite, found, protocol, bounds=limits, intervals=sets, costs=of_methods)
     tables = comparison_tables(scores, limits, sets, rankings, costs)
-    files: dict[str, str | bytes] = {
+    files = {
         "scores.csv": scores_csv(scores),
         "costs.csv": costs_csv(costs),
         "benchmark.md": f"{tables}\n<!-- {MADE_BY} -->\n",
         **condition_pages(scores),
-        **comparison_figures(scores, tracks, rankings),
     }
     for name, content in files.items():
         write_whole(suite.out / name, content)
+    write_publication(suite.out, scores, tracks, rankings, suite.format)
     return Result(scores, tracks, len(records), f" (the frozen test set {test_set})" if test_set else "")

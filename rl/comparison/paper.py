@@ -19,10 +19,10 @@ from twin.evaluation.results import save_runs, save_tracks
 from twin.export.export import named_files
 from twin.files.atomic import MADE_BY, write_whole
 from twin.hysteresis import ColemanHodgdon
+from twin.report.publication import NAMES, write_publication
 
-FIGURES = [f"figure_{number:02d}.png" for number in range(100)]
 RESULTS = {"evaluation.json": '"protocol"', "tracks.npz": "heads.npy", "runs.npz": "heads.npy"}
-PAPER_FILES = RESULTS | dict.fromkeys(["tables.md", "rmse.png", *FIGURES], MADE_BY)
+PAPER_FILES = RESULTS | dict.fromkeys(["tables.md", *NAMES], MADE_BY)
 """Files of the paper's suite, and a mark by which each is recognised."""
 
 PHI = "measured innovation; rows with oracle = true use the clean truth instead"
@@ -66,6 +66,7 @@ def run_paper_suite(
         "policies": [str(path) for paths in suite.trained.values() for path in paths],
     }
     write_results(suite, [found], protocol)
+    write_publication(suite.out, found.scores, found.tracks, found.rankings, suite.format)
     if not estimate_files:
         return Result(found.scores, found.tracks, len(test))
     folder = suite.out / "estimates"

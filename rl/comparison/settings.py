@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from twin.evaluation.score import Score
     from twin.hysteresis import ColemanHodgdon
 
+Format = Literal["png", "pdf", "svg"]
 EVERY = ("all",)  # value of `methods` for every method
 MOST_MEMBERS, MOST_ENSEMBLES = 10_000, 100
 
@@ -86,6 +87,9 @@ class Settings:
     """Processes; 0 for one per core. The results do not depend on it."""
     dask: str | None = None
     """Dask scheduler whose workers compute; they need all files under the same path."""
+    format: tuple[Format, ...] = ("png",)
+    """Formats of the figures. Each figure is drawn over the page (7.2 inches) and in a column of a paper (3.5
+    inches, NAME_column); tables.tex and methods.bib are for LaTeX."""
     seed: int = 0
     """Seed of all random numbers."""
     json: bool = False

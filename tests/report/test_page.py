@@ -55,7 +55,7 @@ def test_own_markup_is_kept():
 def test_a_page_is_one_file_with_a_table_of_contents(tmp_path):
     page = Page("kind", "A & B", verdict="go", intro=(text("intro"),))
     page.add("First, of two", *PARTS.values())
-    page.add_commands(["endotwin report x"])
+    page.add_origin(["endotwin report x"], {"Settings": [("seed", "3")]})
     html = page.write(tmp_path / "page.html").read_text()
     assert re.findall(r'<li><a href="#([^"]*)">', html) == re.findall(r'<h2 id="([^"]*)"', html)
     assert re.findall(r'<h2 id="([^"]*)"', html) == ["first-of-two", "how-to-repeat-it"]

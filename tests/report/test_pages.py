@@ -68,8 +68,27 @@ def test_a_whole_run_is_shown_without_gaps_and_with_every_figure_of_the_paper(ru
 
 def test_methods_are_ranked_by_the_geometric_mean_over_noises(run):
     rows = [row for row in rows_of(page_of(run)) if row[0] in METHODS]
-    assert [row[0] for row in rows[: len(METHODS)]] == ["RAM", "Direct RL", "LSTM", "AM", "C-H"]
-    assert [row[-5:-3] for row in rows[: len(METHODS)]] == [[f"{k}", f"{k}.000"] for k in range(1, 6)]
+    ranked = rows[len(METHODS) : 2 * len(METHODS)]  # after the table of the first screen
+    assert [row[0] for row in ranked] == ["RAM", "Direct RL", "LSTM", "AM", "C-H"]
+    assert [row[-5:-3] for row in ranked] == [[f"{k}", f"{k}.000"] for k in range(1, 6)]
+
+
+def test_a_page_begins_with_the_best_method_that_can_be_deployed(tmp_path):
+    """An oracle with a third of the error is last, labelled, and neither bold nor in the sentence."""
+    path = make_evaluation(tmp_path / "results") / "evaluation.json"
+    contents = json.loads(path.read_text())
+    oracles = [
+        of | {"method": "RAM (oracle)", "oracle": True, "rmse_deg": 0.33} for of in contents["rows"][4::5]
+    ]
+    path.write_text(json.dumps(contents | {"rows": contents["rows"] + oracles}))
+    front = page_of(path.parent).partition("<nav")[0]
+    (sentence,) = re.findall(r'<p class="headline">(.*?)</p>', front)
+    assert sentence.startswith("RAM has the least error of the methods that can be deployed: 1.00 deg")
+    assert "Direct RL, has 2.00" in sentence
+    rows = rows_of(front)[1:]
+    assert [row[0] for row in rows] == ["RAM", "Direct RL", "LSTM", "AM", "C-H", "RAM (oracle)"]
+    assert rows[-1] == ["RAM (oracle)", "sees the true angle", *["0.33"] * 5]
+    assert re.findall(r'class="best">([^<]*)<', front) == ["1.00"] * 5
 
 
 def test_ranks_with_intervals_are_those_of_the_evaluation(tmp_path):
@@ -81,7 +100,8 @@ def test_ranks_with_intervals_are_those_of_the_evaluation(tmp_path):
         place | {"ranked": [other | {"to_best_ci95": [1.1, 1.5]}, ranked | {"to_best_ci95": [1.0, 1.0]}]}
     ]
     path.write_text(json.dumps(json.loads(path.read_text()) | {"ranks": ranks}))
-    first, second = (row for row in rows_of(page_of(path.parent))[1:3])
+    place = 2 + len(METHODS)  # after the table of the first screen
+    first, second = rows_of(page_of(path.parent))[place : place + 2]
     assert first[-7:] == ["1", "1 to 2", "0.500", "0.400 to 0.600", "1.00 to 1.00", "-", "1"]
     assert second[-5:] == ["-", "0.700", "1.10 to 1.50", "-", "1"]
 
@@ -118,6 +138,13 @@ def test_a_calibration_is_known_by_its_preset_too_and_one_of_two_must_be_named(t
     assert ["log 1", "-", "predicted", "0.75", "2.50"] in rows
     assert ["log 0", "4.0 %", "-"] in rows
     assert ["pretension", "4.4", "not determined"] in rows
+    page = (tmp_path / "r.html").read_text().partition("<nav")[0]
+    assert (
+        "The twin follows the logs within 0.25 deg and predicts what was not fitted within 0.75 deg" in page
+    )
+    assert f"endotwin gate runs/device/policy.onnx data/measured --preset {folder / 'rig.yaml'}" in page
+    assert "The logs leave parameters open" in page
+    assert "is nearer to the logs" not in page  # the twin is: 0.25 deg, Coleman-Hodgdon 1.50
     shutil.copy(folder / "rig_fit.json", folder / "other_fit.json")
     with pytest.raises(ValueError, match=r"holds 2 calibrations \(other_fit.json, rig_fit.json\): name one"):
         known_file(folder)
@@ -136,8 +163,9 @@ def test_controllers_are_ranked_with_what_is_better_than_each(tmp_path):
     (tmp_path / "control.json").write_text(json.dumps(given))
     page = write_report(tmp_path, tmp_path / "control.html").read_text()
     ranked = rows_of(page)[1:4]
-    assert [row[0] for row in ranked] == ["oracle", "ours", "pid"]
-    assert ranked[2] == ["pid", "1.00", "2.00", "75 %", "70 to 80 %"]
+    assert [row[0] for row in ranked] == ["ours", "pid", "oracle"]
+    assert "ours follows best: 0.25 deg (RMSE), where the next, pid, has 1.00." in page
+    assert ranked[1] == ["pid", "1.00", "2.00", "75 %", "70 to 80 %"]
     assert ["ours", "11", "fallback 12.5 %", "-"] in rows_of(page)
     for stated in ("0.123", "1.2.3", "a &amp; b", f"endotwin control --controller pid ours --out {tmp_path}"):
         assert stated in page

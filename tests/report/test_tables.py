@@ -11,7 +11,10 @@ from twin.evaluation.costs import Cost
 from twin.evaluation.paper import INDICES, TABLES, paper_value
 from twin.evaluation.ranking import MethodRank, Ranking
 from twin.report.tables import (
+    best_deployable,
+    best_methods,
     comparison_tables,
+    front_scores,
     overall_table,
     paper_table,
     paper_tables,
@@ -186,3 +189,30 @@ def test_the_table_of_ranks_has_the_least_error_first_and_its_intervals():
     assert lines[0] == ["Ensemble", "0.200", "-", "0.50 to 0.70"]
     assert lines[1] == ["RAM (twins)", "0.320 (0.288 to 0.352)", "1 (1 to 2)", "1.00 to 1.00"]
     assert lines[2][0] == "AM"
+
+
+def test_the_best_is_bold_with_what_is_level_with_it_and_never_an_oracle():
+    scores = [row("RAM", 0.7), row("AM", 0.8), row("RAM (oracle)", 0.1), row("Ensemble", 0.2)]
+    assert best_methods(scores) == {"RAM"}
+    level = dataclasses.replace(scores[1], to_best_ci95=(0.98, 1.3))
+    assert best_methods([scores[0], level, *scores[2:]]) == {"RAM", "AM"}
+    single = [dataclasses.replace(of, to_best_ci95=None) for of in scores]  # one run: no intervals
+    assert best_methods(single) == {"RAM"}
+    assert best_methods(scores[2:]) == set()
+    assert best_deployable(scores) == "RAM"
+    assert best_deployable(scores[2:]) is None
+
+
+def test_a_first_look_has_the_papers_noises_its_methods_and_the_best():
+    names = ["C-H", "AM", "AM-tuned", "LSTM", "Direct RL", "RAM", "RAM (oracle)", "Huber", "VB", "GRU"]
+    noises = [("uniform", 1.0), ("poisson", 2.0), ("poisson-dithered", 2.0), ("gaussian", 1.0)]
+    noises += [("poisson-dithered", 1.0)]
+    scores = [row(name, 1.0 + place, noise) for noise in noises for place, name in enumerate(names)]
+    scores += [row("GRU", 0.5, group=((2.0, 4.0), "nominal"))]
+    scores = [dataclasses.replace(of, rmse_deg=0.1) if of.method == "VB" else of for of in scores]
+    front = front_scores(scores)
+    assert {of.method for of in front} == {*names} - {"Huber", "GRU"}
+    papers = [("gaussian", 1.0), ("poisson-dithered", 1.0), ("poisson", 2.0)]  # dithered where it is alone
+    assert list(dict.fromkeys(of.condition for of in front)) == papers
+    few = [of for of in scores if of.method in ("AM", "Huber", "VB") and of.noise == "uniform"]
+    assert front_scores(few) == few

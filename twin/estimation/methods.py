@@ -99,7 +99,7 @@ METHODS: dict[str, Presentation] = {
     "Recursive KalmanNet (twins)": _ON_REQUEST,
     "RAM (memory)": Presentation("learned"),
     "RAM (twins)": Presentation(
-        "learned", in_paper_tables=True, leading=True, style=Style("#a3195b", "solid", "*", 1.6)
+        "learned", in_paper_tables=True, leading=True, style=Style("#14438b", "solid", "*", 1.6)
     ),
     "RAM (twins), filter alone": Presentation("ensemble"),
     "Ensemble": Presentation("ensemble"),

@@ -4,6 +4,7 @@ Its order is that of an assurance argument (AMLAS; Hawkins et al. 2021): questio
 evidence, and what was not shown. Evidence is weighed by what is at risk as in ASME V&V 40 (2018).
 """
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,13 +20,14 @@ from twin.files.json_text import read_json, validated
 from twin.files.origin import Origin, stated_origin
 from twin.files.shown import shown
 from twin.gate.accuracy import LEAST_COVERAGE
-from twin.gate.check import ACCURACY, PARTS, Check, CheckSpec, GateVerdict
+from twin.gate.check import ACCURACY, NOTHING, PARTS, Check, CheckSpec, GateVerdict
 from twin.gate.run import CHECKS
 from twin.report.figures import INK, MUTED, clean_axes
 from twin.report.page import (
     Cell,
     Page,
     bullets,
+    commands,
     facts,
     figure,
     folded,
@@ -76,14 +78,14 @@ def read_gate_page(path: Path) -> Page:
 
 def gate_page(verdict: GateVerdict, origin: Origin | None, out: str) -> Page:
     """Return the page of a verdict; `out` is its path, for the command that repeats it."""
-    subject, words = verdict.subject, [check.word for check in verdict.checks]
-    counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
-    intro = [text(f"{len(words)} checks: {counts}."), bullets(verdict.reasons)]
+    subject = verdict.subject
+    intro = [text(_answer(verdict), "headline")]
     if subject.get("quick"):
         intro.append(text("This was a quick run, with fewer twins, draws and samples.", "gap"))
+    intro += _next_steps(verdict, origin)
     page = Page(
         "EndoTwin gate: may this policy be deployed on this endoscope?",
-        f"{subject['policy']} on {subject['preset']}",
+        f"{'/'.join(Path(subject['policy']).parts[-2:])} on {subject['preset']}",
         verb="gate",
         verdict=verdict.word,
         intro=tuple(intro),
@@ -103,17 +105,40 @@ def gate_page(verdict: GateVerdict, origin: Origin | None, out: str) -> Page:
         ("EndoTwin", str(subject["version"])),
     )
     context = [text(Markup("<strong>{}.</strong> {}").format(*entry)) for entry in CONTEXT.items()]
-    described = facts({"What was judged": judged, **origin_facts(origin)})
-    page.add("Question and context", *context, described)
+    page.add("Question and context", *context, facts({"What was judged": judged}))
     specs = {spec.name: spec for spec in CHECKS}
     for part in PARTS:
         checks = [(specs[of.name], of) for of in verdict.checks if specs[of.name].part == part]
         page.add(part, _table(checks), *_figures(part, [check for _, check in checks]), *_rows(checks))
-    unknown = [f"{check.name}: {check.said}" for check in verdict.checks if check.holds is None]
-    in_run = [text("In this run:"), bullets(unknown)] if unknown else []
-    page.add("What was not shown", *in_run, text("In any run:"), bullets(LIMITS))
-    page.add_commands(origin_command(origin, out))
+    page.add("What was not shown", text("In any run:"), bullets(LIMITS))
+    page.add_origin(origin_command(origin, out), origin_facts(origin))
     return page
+
+
+def _answer(verdict: GateVerdict) -> str:
+    of, against = len(verdict.checks), sum(not check.passes for check in verdict.checks)
+    if verdict.go:
+        held = sum(check.holds is True for check in verdict.checks)
+        return f"{held} of {of} checks hold, none speaks against."
+    return f"Do not deploy it yet: {against} of {of} checks {'speaks' if against == 1 else 'speak'} against."
+
+
+def _next_steps(verdict: GateVerdict, origin: Origin | None) -> list[Markup]:
+    """Return what to do about every check that does not hold or shows nothing, and the command after that."""
+    rows = [
+        (check.name, _mark(check), check.said, check.remedy or "-")
+        for check in sorted(verdict.checks, key=lambda check: check.passes)
+        if not check.holds and check.remedy != NOTHING
+    ]
+    policy = shlex.quote(verdict.subject["policy"])
+    run = commands([f"endotwin run --policy {policy} --out live.mcap < bench.jsonl > readings.jsonl"])
+    again = commands([origin.command if origin else f"endotwin gate {policy}"])
+    steps = [table(("check", "result", "why", "what to do"), rows, cards=True)] if rows else []
+    return [*steps, *((text("Then run it:"), run) if verdict.go else (text("Then judge it again:"), again))]
+
+
+def _mark(check: Check) -> Cell:
+    return Cell(check.word, (), {True: "mark yes", False: "mark no", None: "mark open"}[check.holds])
 
 
 def _shown(value: Any) -> str:
@@ -130,15 +155,14 @@ def _table(checks: Sequence[tuple[CheckSpec, Check]]) -> Markup:
     rows = [
         (
             spec.claim,
-            Cell(check.word, (), {True: "mark yes", False: "mark no", None: "mark open"}[check.holds]),
+            _mark(check),
             Cell(check.said, check.notes),
-            check.remedy or "-",
             _shown(check.figure),
             "-" if check.bar is None else f"{check.relation} {_shown(check.bar)} {check.unit}".strip(),
         )
         for spec, check in checks
     ]
-    return table(("claim", "result", "evidence", "what to do", "figure", "bar"), rows, cards=True)
+    return table(("claim", "result", "evidence", "figure", "bar"), rows, cards=True)
 
 
 def _rows(checks: Sequence[tuple[CheckSpec, Check]]) -> list[Markup]:

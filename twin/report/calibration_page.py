@@ -1,5 +1,7 @@
 """The page of a calibration: the errors of the twin on each log, next to those of models without physics."""
 
+import math
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from twin.errors import InputError
 from twin.files.bounded import MEBIBYTE
 from twin.files.json_text import read_json, validated
-from twin.files.origin import stated_origin
+from twin.files.origin import Origin, stated_origin
 from twin.files.shown import cut
 from twin.files.yaml_text import read_yaml
 from twin.report import page as html
@@ -22,6 +24,20 @@ _CAPTION = (
     "Each log, and the twin driven by its command alone: it sees no measurement. Below, its errors and those "
     "of models without physics."
 )
+
+_NEARER = Markup(
+    "A model without physics is nearer to the logs: search from more starts (<code>--starts 24</code>), fit "
+    "more parameters (<code>--free</code>), and check the units of the logs and the bend of the sheath."
+)
+_OPEN = Markup(
+    "The logs leave parameters open, as the warnings say: add logs of larger strokes and of other bends of "
+    "the sheath, or fit fewer parameters (<code>--free</code>)."
+)
+_UNPROVEN = Markup(
+    "Nothing shows yet how far the fit carries: give a log that is only predicted (<code>--predict</code>), "
+    "or fit a share of each (<code>--fraction 0.7</code>)."
+)
+WIDE = 3  # logs whose figure takes the width of the page
 
 Name = Annotated[str, Field(max_length=200)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -58,9 +74,14 @@ def calibration_page(path: Path) -> html.Page:
     origin = stated_origin(values)
     stem = path.name.removesuffix(FIT_END)
     preset = path.with_name(f"{stem}.yaml")
-    page = html.Page("EndoTwin calibration: a twin of a measured endoscope", stem)
-    page.add("Errors on every log", *_errors(fit))
-    page.add("The logs and the twin", _picture(path.with_name(f"{stem}_fit.png")))
+    picture = _picture(path.with_name(f"{stem}_fit.png"))
+    steps, (errors, *tensions) = _next_steps(fit, preset, origin), _errors(fit)
+    shown = (html.side_by_side(picture, steps),) if len(fit.logs) < WIDE else (picture, steps)
+    page = html.Page(
+        "EndoTwin calibration: a twin of a measured endoscope", stem, intro=(_answer(fit), *shown, errors)
+    )
+    if tensions:
+        page.add("Tension of the wires", *tensions)
     page.add("Parameters", *_parameters(fit))
     groups: dict[str, html.Facts] = {"Search": (("optimizer", fit.optimizer), ("seed", f"{fit.seed}"))}
     if preset.is_file():
@@ -69,9 +90,56 @@ def calibration_page(path: Path) -> html.Page:
             groups[title] = html.flat_facts(read_yaml(preset, MEBIBYTE))
         except ValueError as error:
             groups[title] = (("cannot be shown", cut(error, 200)),)
-    page.add("What was run", html.facts({**groups, **html.origin_facts(origin)}))
-    page.add_commands((*html.origin_command(origin, str(preset)), f"endotwin report {preset}"))
+    repeat = (*html.origin_command(origin, str(preset)), f"endotwin report {preset}")
+    page.add_origin(repeat, {**groups, **html.origin_facts(origin)})
     return page
+
+
+def _error_over(fit: FitFile, index: str, rival: str = "") -> float | None:
+    """Return the RMSE over all logs that have one [deg]; of the twin, or of a model without physics."""
+    name = f"{rival}_{index}" if rival else index
+    known = [of.get(name) for of in fit.logs if of.get(index) is not None]
+    errors = [float(of) for of in known if of is not None]
+    return math.sqrt(sum(error**2 for error in errors) / len(errors)) if errors else None
+
+
+def _answer(fit: FitFile) -> Markup:
+    parts = []
+    for index, what in (
+        ("rmse_deg", "follows the logs"),
+        ("held_out_rmse_deg", "predicts what was not fitted"),
+    ):
+        if (error := _error_over(fit, index)) is not None:
+            parts.append(f"{what} within {error:.2f} deg")
+    rivals = {of: error for of in RIVALS if (error := _error_over(fit, "rmse_deg", of)) is not None}
+    best = min(rivals, key=rivals.__getitem__, default=None)
+    more = f"; the best model without physics, {_title(best)}, has {rivals[best]:.2f}" if best else ""
+    line = (
+        f"The twin {' and '.join(parts)} (RMSE){more}." if parts else "The twin follows no log: it diverges."
+    )
+    return html.text(line, "headline")
+
+
+def _title(rival: str) -> str:
+    return rival.title().replace("_", "-")
+
+
+def _next_steps(fit: FitFile, preset: Path, origin: Origin | None) -> Markup:
+    steps, error = [], _error_over(fit, "rmse_deg")
+    rivals = [of for rival in RIVALS if (of := _error_over(fit, "rmse_deg", rival)) is not None]
+    if error is not None and rivals and error > min(rivals):
+        steps.append(_NEARER)
+    if fit.warnings:
+        steps.append(_OPEN)
+    if _error_over(fit, "held_out_rmse_deg") is None:
+        steps.append(_UNPROVEN)
+    steps.append(Markup("Train on twins of this preset; the gate then judges the result on your logs:"))
+    logs = shlex.join(of.path for of in origin.data) if origin and origin.data else "data/measured"
+    given = shlex.quote(str(preset))
+    train = f"endotwin train --agent ram --protocol twins --preset {given} --seed 1 --out runs/device"
+    gate = f"endotwin gate runs/device/policy.onnx {logs} --preset {given} --out gate.html"
+    title = html.text(Markup("<strong>What to do next</strong>"))
+    return title + html.bullets(steps) + html.commands((train, gate))
 
 
 def _picture(path: Path) -> Markup:
@@ -104,7 +172,7 @@ def _errors(fit: FitFile) -> Sequence[Markup]:
         "sheath bent by [deg]",
         "it was",
         "twin",
-        *(rival.title().replace("_", "-") for rival in rivals),
+        *map(_title, rivals),
     )
     note = (
         "RMSE in degrees; the offset of a fitted log is removed. One twin is for all logs; a model without "
@@ -119,9 +187,7 @@ def _errors(fit: FitFile) -> Sequence[Markup]:
     ]
     if tension:
         note = "RMSE in percent of the range of the measured tension."
-        parts.append(
-            html.table(("log", "wire a", "wire b"), tension, title="Tension of the wires", note=note)
-        )
+        parts.append(html.table(("log", "wire a", "wire b"), tension, note=note))
     return parts
 
 

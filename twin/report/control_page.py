@@ -55,28 +55,50 @@ def control_page(values: Mapping[str, Any], folder: Path) -> html.Page:
     """Return the page of a comparison."""
     control, totals = values["control"], values["totals"]
     origin = stated_origin(values)
+    files = {folder / name: caption for name, caption in FIGURES.items()}
+    pictures = [figure(path, caption) for path, caption in files.items() if path.is_file()]
     first = [of for of in totals if of["condition"] == totals[0]["condition"]]
     page = html.Page(
         "EndoTwin control: following a bend in spite of the hysteresis",
         f"{control['preset']}, {control['twins']} endoscopes",
         verb="control",
+        intro=(_answer(first), *pictures[:1], _ranked(first, values["comparisons"])),
     )
-    page.add("Controllers", _ranked(first, values["comparisons"]))
-    shown = [figure(folder / name, caption) for name, caption in FIGURES.items() if (folder / name).is_file()]
-    page.add("What it looks like", *(shown or [html.gap("There is no figure with these results.")]))
+    page.add(
+        "What it looks like", *(pictures[1:] or [html.gap("There is no other figure with these results.")])
+    )
     page.add("Errors under every condition", *_errors(totals))
-    stated = {"": _facts(control), **html.origin_facts(origin)}
-    page.add("How it was measured", html.facts(stated), _tuned(values["tuned"]))
+    page.add(
+        "How it was measured",
+        html.facts({"": _facts(control)}),
+        html.folded("Tuning", _tuned(values["tuned"])),
+    )
     page.add("What was not shown", html.bullets(LIMITS))
-    page.add_commands((*html.origin_command(origin, str(folder)), f"endotwin report {folder}"))
+    repeat = (*html.origin_command(origin, str(folder)), f"endotwin report {folder}")
+    page.add_origin(repeat, html.origin_facts(origin))
     return page
+
+
+def _place(of: Total) -> tuple[bool, float]:
+    """Order of controllers: those that can be deployed, the least error first, then oracles."""
+    return of["oracle"], float(of["rmse_deg"])
+
+
+def _answer(totals: Sequence[Total]) -> Markup:
+    racing = [of for of in sorted(totals, key=_place) if not of["oracle"]]
+    if not racing:
+        return html.text("No controller that can be deployed was compared.", "headline")
+    sentence = f"{racing[0]['controller']} follows best: {racing[0]['rmse_deg']:.2f} deg (RMSE)"
+    if len(racing) > 1:
+        sentence += f", where the next, {racing[1]['controller']}, has {racing[1]['rmse_deg']:.2f}"
+    return html.text(f"{sentence}.", "headline")
 
 
 def _ranked(totals: Sequence[Total], comparisons: Sequence[Mapping[str, Any]]) -> Markup:
     condition = totals[0]["condition"]
     against = {of["rival"]: of for of in comparisons if of["condition"] == condition}
     rows = []
-    for of in sorted(totals, key=lambda of: float(of["rmse_deg"])):
+    for of in sorted(totals, key=_place):
         reduced = ("-", "-")
         if less := against.get(of["controller"]):
             low, high = (100 * end for end in less["reduction_ci95"])
@@ -85,8 +107,8 @@ def _ranked(totals: Sequence[Total], comparisons: Sequence[Mapping[str, Any]]) -
     ours = next((of["controller"] for of in comparisons), "this project's own")
     head = ("controller", "RMSE [deg]", "worst endoscope [deg]", f"less error by {ours}", "95 % interval")
     note = (
-        "The least error first; an oracle is the limit. Paired: all met the same endoscopes, references and "
-        "noise. Intervals by a bootstrap over endoscopes, and trials within each."
+        "The least error first; oracles, which are the limit, last. Paired: all met the same endoscopes, "
+        "references and noise. Intervals by a bootstrap over endoscopes, and trials within each."
     )
     return html.table(head, rows, title=condition, note=note, cards=True, numbers=True)
 

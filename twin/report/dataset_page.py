@@ -52,8 +52,7 @@ def dataset_page(path: Path) -> html.Page:
     page.add("Files", *_files(contents))
     lines = _LOADING.format(folder=str(folder), name=folder.name).splitlines()
     page.add("How to load it", text("In Python, or as a LeRobot dataset:"), html.commands(lines))
-    page.add("What was run", html.facts(_facts(path, contents)))
-    page.add_commands(_commands(folder, contents))
+    page.add_origin(_commands(folder, contents), _facts(path, contents))
     return page
 
 

@@ -1,17 +1,16 @@
-"""The page of an evaluation: methods in a ranked table, errors by noise next to the paper's, and tracking."""
+"""The page of an evaluation: the best method, errors by noise next to the paper's, and tracking."""
 
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from markupsafe import Markup
 
 from twin.errors import InputError
 from twin.estimation.registry import method_spec
-from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.paper import TABLES, PaperTable, noise_label
-from twin.evaluation.ranking import MethodRank, Ranking, competes, rankings_of
+from twin.evaluation.protocol import Condition
+from twin.evaluation.ranking import MethodRank, Ranking, rankings_of
 from twin.evaluation.results import load_tracks
 from twin.evaluation.score import Score, mean_coverage, read_evaluation
 from twin.files.origin import stated_origin
@@ -21,16 +20,15 @@ from twin.report import page as html
 
 COLUMNS = {"rmse_deg": tables.INDEX_LABELS["rmse_deg"]} | tables.INDEX_LABELS
 """Indices of the paper's tables, RMSE first: a narrow screen shows the first columns first."""
-MOST_NOISES = 6  # noises that the figure of the paper's suite has room for
 RANKED = (
     "RMSE: geometric mean over noises, with its 95 % interval over noise seeds, records and trainings. Times "
     "the first: paired 95 % interval of the ratio; a method is worse than the first where it is above 1. "
     "Oracles saw the clean truth, and neither they nor ensembles compete."
 )
 EXPLAINED = (
-    "An RMSE is bold where the paired 95 % intervals of all others are above it. In brackets: the paper's "
-    "figures, of another endoscope. Scored against the clean truth, from the sample after the wrong initial "
-    "estimate on. MD is the mean of |e - mean e|: the paper prints squares, but its figures are in degrees."
+    "Bold as above. In brackets: the paper's figures, of another endoscope. Scored against the clean truth, "
+    "from the sample after the wrong initial estimate on. MD is the mean of |e - mean e|: the paper prints "
+    "squares, but its figures are in degrees."
 )
 
 
@@ -39,18 +37,17 @@ def evaluation_page(path: Path) -> html.Page:
     scores, contents = read_evaluation(path)
     origin, rankings = stated_origin(contents), rankings_of(contents)
     page = html.Page(
-        "EndoTwin evaluation: how well is the bending angle estimated?", "Estimators under noise"
+        "EndoTwin evaluation: how well is the bending angle estimated?",
+        "Estimators under noise",
+        intro=(answer(scores), front_table(scores)),
     )
-    page.add("Results", *result_parts(scores, rankings))
+    page.add("Errors under every noise", *result_parts(scores, rankings))
     if groups := group_parts(scores, rankings):
         page.add("Every kind of record", *groups)
     page.add("Tracking", *_tracking(path.with_name("tracks.npz"), scores))
-    page.add(
-        "What was run",
-        html.facts({"Protocol": html.flat_facts(contents["protocol"]), **html.origin_facts(origin)}),
-    )
+    stated = {"Protocol": html.flat_facts(contents["protocol"]), **html.origin_facts(origin)}
     repeat = html.origin_command(origin, str(path.parent)) or ("endotwin evaluate --help",)
-    page.add_commands((*repeat, f"endotwin report {path.parent}"))
+    page.add_origin((*repeat, f"endotwin report {path.parent}"), stated)
     return page
 
 
@@ -63,30 +60,75 @@ def _tracking(path: Path, scores: Sequence[Score]) -> Sequence[Markup]:
         return [html.gap(f"{path.name} cannot be shown: {cut(error, 300)}.")]
 
 
-def result_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> list[Markup]:
-    """Return the ranked table, the errors under every noise as a figure, and the paper's tables."""
+def answer(scores: Sequence[Score]) -> Markup:
+    """Return the best method that can be deployed, and the next, in a sentence."""
     if not scores:
         raise InputError("it has no rows")
+    front = [score for score in tables.front_scores(scores) if tables.is_deployable(score)]
+    if not front:
+        return html.text("No method that can be deployed was compared.", "headline")
+    noises = len({score.condition for score in front})
+    over = f"geometric mean over {noises} noises" if noises > 1 else noise_label(*front[0].condition)
+    (best, error), *others = tables.mean_errors(front).items()
+    if not others:
+        return html.text(f"{best} has an RMSE of {error:.2f} deg ({over}).", "headline")
+    (second, larger), *_ = others
+    sentence = (
+        f"{best} has the least error of the methods that can be deployed: {error:.2f} deg, "
+        f"where the next, {second}, has {larger:.2f} (RMSE, {over})."
+    )
+    return html.text(sentence, "headline")
+
+
+def front_table(scores: Sequence[Score]) -> Markup:
+    """Return the RMSE of a few methods under the paper's noises; oracles are last, and labelled."""
+    front = tables.front_scores(scores)
+    by_label = {score.label: score for score in front}
+    cells = _error_cells(front)
+    noises = list(dict.fromkeys(score.condition for score in front))
+    rows = []
+    for label in sorted(tables.mean_errors(front), key=lambda name: not tables.is_deployable(by_label[name])):
+        kind = "sees the true angle" if by_label[label].oracle else "a yardstick"
+        small = () if tables.is_deployable(by_label[label]) else (kind,)
+        rows.append((html.Cell(label, small), *(cells.get((label, of), "-") for of in noises)))
+    first, group = front[0], tables.group_name(front[0].group) if front[0].stroke_mm else ""
+    note = (
+        f"RMSE [deg]{f' on {group}' if group else ''}, T = {first.sample_time_s:g} s, {first.seeds} draws of "
+        "each noise. Bold: the best that can be deployed, and what its paired 95 % interval reaches."
+    )
+    return html.table(("method", *(noise_label(*of) for of in noises)), rows, note=note, numbers=True)
+
+
+def _error_cells(scores: Sequence[Score]) -> dict[tuple[str, Condition], html.Cell]:
+    """Return the RMSE by label and noise; the best are bold."""
+    noises = dict.fromkeys(score.condition for score in scores)
+    best = {noise: tables.best_methods(of for of in scores if of.condition == noise) for noise in noises}
+    return {
+        (of.label, of.condition): html.Cell(
+            f"{of.rmse_deg:.2f}", (), "best" if of.label in best[of.condition] else ""
+        )
+        for of in scores
+    }
+
+
+def result_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> list[Markup]:
+    """Return the errors under every noise as a figure and, folded, all methods and the paper's tables."""
     first = tables.protocol_scores(scores)
-    parts = [ranked_table(first, rankings)]
-    if len({score.condition for score in first}) > MOST_NOISES:
-        caption = (
-            f"RMSE of every method under every noise, {tables.group_name(first[0].group)}; the best on top."
-        )
-        parts.append(html.figure(figures.noise_figure(first), caption))
-    else:
-        caption = "RMSE against the clean truth, with the 95 % interval of its mean over noise seeds"
-        if any(score.paper_rmse_deg is not None for score in scores):
-            caption += "; hollow marks are the paper's, measured on another endoscope"
-        parts.append(
-            html.figure(
-                figures.rmse_figure(scores), f"{caption}.", f"{caption}; the tables below hold the figures."
-            )
-        )
+    caption = (
+        "RMSE against the true angle, with the 95 % interval of its mean over noise seeds; the least mean "
+        "error on top."
+    )
+    narrow = figures.noise_figure(tables.front_scores(scores), figures.COLUMN)
+    parts = [
+        html.figure(
+            figures.noise_figure(first), caption, f"{caption} Tables below hold the figures.", narrow
+        ),
+        html.folded("All methods, ranked, and what they know", ranked_table(first, rankings)),
+    ]
     published = [part for of in TABLES for part in _paper_tables(first, of)]
     if not published:
-        return [*parts, _error_table(first)]
-    return [*parts, *published, html.text(EXPLAINED, "note")]
+        return [*parts, html.folded("All methods under every noise", _error_table(first))]
+    return [*parts, html.folded("The paper's Tables II and III", *published, html.text(EXPLAINED, "note"))]
 
 
 def group_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> list[Markup]:
@@ -97,19 +139,22 @@ def group_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> li
             "RMSE in units of that of the first, with paired 95 % intervals over records, draws of the noise "
             "and trainings."
         )
-        parts.append(html.figure(figures.rank_figure(ranked), caption))
+        narrow = figures.rank_figure(ranked, figures.COLUMN)
+        parts.append(html.figure(figures.rank_figure(ranked), caption, narrow=narrow))
     groups = list(dict.fromkeys((score.group, score.sample_time_s) for score in scores))
     if len(groups) < 2 and not tables.has_limit(scores):
         return parts
     if tables.has_limit(scores):
         caption = "RMSE of each method over that of the limit, geometric mean over noises; the best on top."
-        parts.append(html.figure(figures.limit_figure(scores), caption))
+        narrow = figures.limit_figure(scores, figures.COLUMN)
+        parts.append(html.figure(figures.limit_figure(scores), caption, narrow=narrow))
     if tables.interval_scores(first := tables.protocol_scores(scores)):
         caption = (
             "Stated 95 % intervals: share of samples that hold the truth under each noise, and continuous "
             "ranked probability score; the best on top."
         )
-        parts.append(html.figure(figures.interval_figure(first), caption))
+        narrow = figures.interval_figure(first, figures.COLUMN)
+        parts.append(html.figure(figures.interval_figure(first), caption, narrow=narrow))
     for group, T in groups:
         own = tables.chosen_scores(scores, T, group)
         name = f"{tables.group_name(group)}, T = {T:g} s"
@@ -119,10 +164,11 @@ def group_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> li
 
 def tracking_parts(path: Path, scores: Sequence[Score]) -> list[Markup]:
     """Return the paper's Figs. 5 to 10 from a file of tracks, with the scores of the comparison."""
-    drawn = figures.paper_figures(load_tracks(path), scores)
+    tracks = load_tracks(path)
+    drawn, narrow = (figures.paper_figures(tracks, scores, of) for of in (figures.PAGE, figures.COLUMN))
     if not drawn:
         raise InputError("it has none of the noises and methods of the paper's figures")
-    return [html.figure(*of) for of in drawn.values()]
+    return [html.figure(*of, narrow=narrow[number][0]) for number, of in drawn.items()]
 
 
 def ranked_table(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> Markup:
@@ -154,15 +200,11 @@ def _interval(interval: tuple[float, float] | None, form: str) -> tuple[str, ...
 
 def _ranked(by_label: dict[str, list[Score]]) -> list[MethodRank]:
     most = max(len(own) for own in by_label.values())
-    means = {
-        label: float(geometric_mean(np.array([score.rmse_deg for score in own])))
-        for label, own in by_label.items()
-        if len(own) == most
-    }
+    complete = [own for own in by_label.values() if len(own) == most]
     places, ranked = itertools.count(1), []
-    for label in sorted(means, key=lambda name: means[name]):
-        racing = competes(by_label[label][0].method, by_label[label][0].oracle)
-        ranked.append(MethodRank(label, means[label], None, next(places) if racing else None, None, None))
+    for label, error in tables.mean_errors([score for own in complete for score in own]).items():
+        racing = tables.is_deployable(by_label[label][0])
+        ranked.append(MethodRank(label, error, None, next(places) if racing else None, None, None))
     return ranked
 
 
@@ -170,10 +212,10 @@ def _paper_tables(scores: Sequence[Score], of: PaperTable) -> list[Markup]:
     parts = []
     for level in sorted({score.level for score in scores if score.noise == of.noise} & set(of.values)):
         rows = {score.label: score for score in scores if score.condition == (of.noise, level)}
-        best = tables.clear_best(rows.values())
+        best = tables.best_methods(rows.values())
         cells = []
         for name in tables.ordered(rows):
-            line = [_paper_cell(rows[name], index, name == best and index == "rmse_deg") for index in COLUMNS]
+            line = [_paper_cell(rows[name], index, name in best and index == "rmse_deg") for index in COLUMNS]
             cells.append((name, *line))
         title = f"{tables.table_title(of)}, {of.symbol} = {level:g}"
         parts.append(html.table(("method", *COLUMNS.values()), cells, title=title, numbers=True))
@@ -189,15 +231,9 @@ def _paper_cell(score: Score, index: str, best: bool) -> html.Cell:
 
 
 def _error_table(scores: Sequence[Score]) -> Markup:
-    noises = list(dict.fromkeys(score.condition for score in scores))
-    cells = {(score.label, score.condition): f"{score.rmse_deg:.3f}" for score in scores}
-    best = {
-        noise: tables.clear_best(score for score in scores if score.condition == noise) for noise in noises
-    }
-    rows = []
-    for name in tables.ordered(score.label for score in scores):
-        styles = {noise: "best" if best[noise] == name else "" for noise in noises}
-        rows.append((name, *(html.Cell(cells.get((name, of), "-"), (), styles[of]) for of in noises)))
+    noises, cells = list(dict.fromkeys(score.condition for score in scores)), _error_cells(scores)
+    names = tables.ordered(score.label for score in scores)
+    rows = [(name, *(cells.get((name, of), "-") for of in noises)) for name in names]
     head = ("method", *(noise_label(*noise) for noise in noises))
     title = f"RMSE [deg], {tables.group_name(scores[0].group)}" if scores[0].stroke_mm else "RMSE [deg]"
-    return html.table(head, rows, title=title, cards=len(noises) > 4, numbers=True)
+    return html.table(head, rows, title=title, numbers=True)

@@ -1,9 +1,12 @@
 """Figures of results: loops, tracking, training and errors; one message each, readable in greyscale.
 
-A method keeps its colour, line and marker in all of them. No figure touches pyplot or its global state.
+A method keeps its colour and line in all of them, and is named next to what it drew. No figure touches
+pyplot or its global state.
 """
 
 import io
+import itertools
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -31,6 +34,7 @@ INK, MUTED, GRID = "#1d232c", "#6b7480", "#e9ecf0"
 MEASUREMENT: dict[str, Any] = {"marker": "o", "markersize": 2.2, "markeredgewidth": 0, "color": "#a4abb4"}
 FIT_COLOUR, LOOP_COLOUR = "#6f3fa0", "#a9b1ba"
 TRUTH = Style("#000000", (0, (4, 2)), "", 1.2)
+COLUMN, PAGE = 3.5, 7.2  # widths of a column of a paper, and of its page [inches]
 START_SECONDS = 8.0
 """Length of the close-up of the start of a tracking figure, where the wrong initial estimate decays [s]."""
 PAPER_FIGURES = {5: ("gaussian", 1.0), 6: ("gaussian", 1.0), 7: ("gaussian", 5.0)}
@@ -38,7 +42,8 @@ PAPER_FIGURES |= {8: ("poisson", 0.1), 9: ("poisson", 1.0), 10: ("poisson", 2.0)
 """Noise and level by number in the paper; a method declares in which it is shown."""
 _GREYS = {"#30363d": "X", "#868f99": "<", "#52606d": ">", "#a2703f": "h", "#3b6d6d": "*"}
 _OTHER = tuple(Style(colour, (0, (2, 1)), marker) for colour, marker in _GREYS.items())
-MOST_COLUMNS = 6  # noises side by side
+MOST_COLUMNS = {COLUMN: 3, PAGE: 6}  # noises side by side, by the width of the figure
+SMALL = 7.0  # letters of figures for papers [points]
 _PANELS = 3  # groups side by side, as there are strokes; one more fits where there is one line of them
 _HONEST = (0.93, 0.97)  # coverage of a 95 % interval that is as sure as it states
 
@@ -84,25 +89,36 @@ def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()
 
 
 def tracking_figure(
-    track: Record, methods: Sequence[str], title: str, notes: Mapping[str, str] | None = None
+    track: Record,
+    methods: Sequence[str],
+    title: str,
+    notes: Mapping[str, str] | None = None,
+    width: float = PAGE,
 ) -> Figure:
-    """Draw truth and estimates over their errors: the complete record, and its first seconds (Figs. 5-10)."""
+    """Draw truth and estimates over their errors (the paper's Figs. 5-10), `notes` next to the methods.
+
+    A figure over the page shows the first seconds too.
+    """
     errors = {method: track.error_deg(method) for method in methods}
     lines = {method: line_of(style_of(method, methods)) for method in methods}
-    figure = Figure(figsize=(8.6, 4.3), layout="constrained")
-    grid = figure.subplots(2, 2, sharex="col", width_ratios=(1.75, 1), height_ratios=(1.25, 1))
+    columns = 2 if width > COLUMN else 1
+    figure = Figure(figsize=(width, 3.6 if columns == 2 else 3.0), layout="constrained")
+    ratios: dict[str, Any] = {"width_ratios": (1.5, 1)[:columns], "height_ratios": (1.25, 1)}
+    grid = figure.subplots(2, columns, sharex="col", squeeze=False, **ratios)
     for upper, lower in grid.T:
-        clean_axes(upper).plot(track.time, track.measured_deg, linestyle="", **MEASUREMENT)
+        clean_axes(upper, SMALL).plot(track.time, track.measured_deg, linestyle="", **MEASUREMENT)
         for method, line in lines.items():
             upper.plot(track.time, track.estimates[method], **line)
-            clean_axes(lower).plot(track.time, errors[method], **line)
+            clean_axes(lower, SMALL).plot(track.time, errors[method], **line)
         upper.plot(track.time, track.truth_deg, **line_of(TRUTH))
         lower.axhline(0, color=TRUTH.colour, linewidth=0.6)
         lower.set_xlabel("time [s]")
     start = track.time[0]
-    grid[0, 0].set_xlim(start, track.time[-1])
-    grid[0, 1].set_xlim(start, min(start + START_SECONDS, track.time[-1]))
-    grid[0, 1].set_title(f"the first {START_SECONDS:g} s", fontsize=8.5, color=MUTED, loc="left")
+    ends = [track.time[-1], min(start + START_SECONDS, track.time[-1])]
+    for upper, end in zip(grid[0], ends, strict=False):
+        upper.set_xlim(start, end)
+    if columns == 2:
+        grid[0, 1].set_title(f"the first {START_SECONDS:g} s", fontsize=SMALL, color=MUTED, loc="left")
     later = track.time >= start + START_SECONDS / 2
     if later.any():
         bound = max(1.15 * max(float(np.abs(error[later]).max()) for error in errors.values()), 0.1)
@@ -110,28 +126,80 @@ def tracking_figure(
     grid[0, 0].set_ylabel("bending angle [deg]")
     grid[1, 0].set_ylabel("error [deg]")
     figure.align_ylabels(grid[:, 0])
-    grid[0, 0].set_title(title, fontsize=10, color=INK, loc="left", fontweight="bold")
-    handles = [
-        Line2D([], [], linestyle="", label="measurement", **MEASUREMENT),
-        Line2D([], [], label="ground truth", **line_of(TRUTH)),
-    ]
-    for method, line in lines.items():
-        note = (notes or {}).get(method)
-        handles.append(Line2D([], [], label=f"{method}: {note}" if note else method, **line))
-    columns = (len(handles) + 1) // 2 if notes else len(handles)
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8.5)
+    grid[0, 0].set_title(title, fontsize=SMALL + 1, color=INK, loc="left", fontweight="bold")
+    end, stated = ends[columns - 1], notes or {}
+    angles = {
+        "measurement": (track.measured_deg, MEASUREMENT),
+        "true angle": (track.truth_deg, line_of(TRUTH)),
+    }
+    label_ends(
+        grid[0, -1], {name: (end, _last(track.time, of, end), line) for name, (of, line) in angles.items()}
+    )
+    named = {method: f"{method}  {stated.get(method, '')}".rstrip() for method in methods}
+    label_ends(
+        grid[1, -1],
+        {named[method]: (end, _last(track.time, errors[method], end), lines[method]) for method in methods},
+        "RMSE [deg] (paper)"
+        if any("(" in note for note in stated.values())
+        else "RMSE [deg]"
+        if stated
+        else "",
+    )
     return figure
 
 
+def _last(time: Array, values: Array, end: float) -> float:
+    """Return the last finite value (N,) up to a time; zero without any."""
+    known = values[(time <= end) & np.isfinite(values)]
+    return float(known[-1]) if len(known) else 0.0
+
+
+def label_ends(
+    axes: Axes, lines: Mapping[str, tuple[float, float, Mapping[str, Any]]], head: str = ""
+) -> None:
+    """Name lines where they end on axes whose limits are set, without overlap, under a heading.
+
+    `lines` are the end of each, as x, y and its style, by the text.
+    """
+    box, dots = axes.get_window_extent(), axes.figure.dpi
+    step, gap = 1.3 * SMALL / 72 * dots / box.height, 0.16 * dots / box.width
+    axes.get_xlim(), axes.get_ylim()  # those of the data from here on
+    to_axes = axes.transData + axes.transAxes.inverted()
+    ends = {text: np.clip(to_axes.transform((x, y)), 0, 1) for text, (x, y, _) in lines.items()}
+    places = {text: float(y) for text, (_, y) in ends.items()}
+    for at in {float(x) for x, _ in ends.values()}:
+        rising = sorted((text for text in lines if ends[text][0] == at), key=places.__getitem__)
+        for below, text in itertools.pairwise(rising):
+            places[text] = max(places[text], places[below] + step)
+        top = 1.0 - step * bool(head)
+        for text in reversed(rising):
+            places[text] = top = min(places[text], top)
+            top -= step
+    write: dict[str, Any] = {"fontsize": SMALL, "va": "center", "annotation_clip": False}
+    write |= {"xycoords": "axes fraction", "textcoords": "axes fraction"}
+    for text, (_, _, style) in lines.items():
+        arrow = {"arrowstyle": "-", "relpos": (0, 0.5), "shrinkA": 1, "shrinkB": 0, "color": style["color"]}
+        arrow |= {name: style[name] for name in ("linestyle", "linewidth") if name in style}
+        place = float(ends[text][0]) + gap, places[text]
+        axes.annotate(text, tuple(ends[text]), place, color=INK, arrowprops=arrow, **write)
+    if head:
+        place = 1 + gap, max(places.values()) + step
+        axes.annotate(head, place, color=MUTED, **write)
+
+
 def paper_figures(
-    tracks: Mapping[Condition, Record], scores: Sequence[Score] = ()
+    tracks: Mapping[Condition, Record], scores: Sequence[Score] = (), width: float = PAGE
 ) -> dict[int, tuple[Figure, str]]:
-    """Return the paper's Figs. 5 to 10 with captions, by number; those that the tracks lack are left out."""
+    """Return the paper's Figs. 5 to 10 with captions, by number, and with the best deployable method.
+
+    Those that the tracks lack are left out.
+    """
     by_method = {(*score.condition, score.method): score for score in tables.protocol_scores(scores)}
-    figures = {}
+    figures, best = {}, tables.best_deployable(scores)
     for number, (noise, level) in PAPER_FIGURES.items():
         track = tracks.get((noise, level))
-        wanted = [spec.name for spec in method_specs() if number in spec.presentation.paper_figures]
+        shown = [spec for spec in method_specs() if number in spec.presentation.paper_figures]
+        wanted = tables.ordered([*(spec.name for spec in shown), *([best] if shown and best else [])])
         methods = [method for method in wanted if track is not None and method in track.estimates]
         if track is None or not methods:
             continue
@@ -139,13 +207,13 @@ def paper_figures(
         for method in methods:
             if score := by_method.get((noise, level, method)):
                 published = score.paper_rmse_deg
-                of_paper = "" if published is None else f" (paper {published + 1e-9:.2f})"
+                of_paper = "" if published is None else f" ({published + 1e-9:.2f})"
                 notes[method] = f"{score.rmse_deg:.2f}{of_paper}"
         label = noise_label(noise, level)
         caption = f"As the paper's Fig. {number}: {', '.join(methods)} under {label}."
         if notes:
-            caption += " In the legend: RMSE over all test records and seeds [deg]."
-        figures[number] = (tracking_figure(track, methods, label, notes), caption)
+            caption += " Next to the methods: RMSE over all test records and seeds; in brackets, the paper's."
+        figures[number] = (tracking_figure(track, methods, label, notes, width), caption)
     return figures
 
 
@@ -153,68 +221,23 @@ def training_figure(curves: dict[str, dict[str, Array]]) -> Figure:
     """Draw the cost per step of each agent over its `samples` (M,), from the mean `return` (M,) [deg^2]."""
     figure = Figure(figsize=(5.6, 3.2), layout="constrained")
     axes = clean_axes(figure.subplots())
-    agents = tables.ordered(curves)
+    agents, ends = tables.ordered(curves), {}
     for agent in agents:
         samples, cost = np.asarray(curves[agent]["samples"]), -np.asarray(curves[agent]["return"])
         style = style_of(agent, agents)
+        if len(cost) == 1:  # a training that states no more than its end
+            axes.plot(samples / 1e3, cost, "o", color=style.colour)
         axes.plot(samples / 1e3, cost, color=style.colour, linewidth=0.6, alpha=0.3)
         window = max(len(cost) // 25, 1)
         padded = np.concatenate([np.full(window - 1, cost[0]), cost])
         smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, window), axis=-1)
-        axes.plot(samples / 1e3, smooth, color=style.colour, linestyle=style.line, linewidth=1.6, label=agent)
+        axes.plot(samples / 1e3, smooth, color=style.colour, linestyle=style.line, linewidth=1.6)
+        ends[agent] = samples[-1] / 1e3, smooth[-1], line_of(style)
     if all((np.asarray(curve["return"]) < 0).all() for curve in curves.values()):
         axes.set_yscale("log")
     axes.set_xlabel("samples [thousands]")
     axes.set_ylabel("cost per step (negative reward) [deg²]")
-    axes.legend(frameon=False, fontsize=8.5)
-    return figure
-
-
-def rmse_figure(scores: Sequence[Score]) -> Figure:
-    """Draw the RMSE of every method under every noise, with its 95 % interval; hollow marks are the paper's.
-
-    Of an evaluation, the scores of the paper's protocol are drawn.
-    """
-    scores = tables.protocol_scores(scores)
-    if not scores:
-        raise InputError("no rows of evaluation.json: nothing to draw")
-    noises = sorted({score.condition for score in scores})
-    methods = tables.ordered(score.label for score in scores)
-    styles = {method: style_of(method, methods) for method in methods}
-    slot = 0.8 / len(methods)
-    figure = Figure(figsize=(max(6.2, 1.45 * len(noises)), 3.7), layout="constrained")
-    axes = clean_axes(figure.subplots())
-    axes.grid(False, axis="x")
-    for score in scores:
-        style = styles[score.label]
-        place = noises.index(score.condition) + slot * (methods.index(score.label) + 0.5) - 0.4
-        low, high = score.rmse_ci95_deg
-        axes.plot([place, place], [max(low, 1e-3), high], color=style.colour, linewidth=1.4)
-        axes.plot(place, score.rmse_deg, style.marker, color=style.colour, markersize=5.5, zorder=3)
-        if score.paper_rmse_deg is not None:
-            hollow: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": style.colour}
-            axes.plot(place - 0.38 * slot, score.paper_rmse_deg, style.marker, markersize=5.5, **hollow)
-    for edge in range(1, len(noises)):
-        axes.axvline(edge - 0.5, color=GRID, linewidth=1)
-    axes.set_xlim(-0.5, len(noises) - 0.5)
-    axes.set_xticks(range(len(noises)), [noise_label(*noise).replace(", ", "\n") for noise in noises])
-    axes.set_yscale("log")
-    log_ticks(axes.yaxis, (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50))
-    axes.set_ylabel("RMSE [deg]")
-    point: dict[str, Any] = {"linestyle": ""}
-    handles = [
-        Line2D([], [], marker=style.marker, color=style.colour, label=method, **point)
-        for method, style in styles.items()
-    ]
-    if any(score.paper_rmse_deg is not None for score in scores):
-        hollow = {"markerfacecolor": "white", "markeredgecolor": MUTED}
-        handles.append(Line2D([], [], marker="o", label="hollow: the paper", **point, **hollow))
-    # One row keeps the order of the slots; a narrow figure has no room for it.
-    columns = len(handles) if figure.get_figwidth() > 1.2 * len(handles) else 5
-    spacing: dict[str, Any] = {"handletextpad": 0.1, "columnspacing": 1.2}
-    figure.legend(
-        handles=handles, loc="outside upper center", ncols=columns, frameon=False, fontsize=8.5, **spacing
-    )
+    label_ends(axes, ends)
     return figure
 
 
@@ -227,47 +250,59 @@ def log_ticks(axis: Any, ticks: Sequence[float]) -> None:
 
 def to_svg(figure: Figure) -> str:
     """Return a figure as SVG text; the same figure gives the same text."""
-    buffer = io.StringIO()
-    with matplotlib.rc_context({"svg.hashsalt": "endotwin"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return buffer.getvalue()
+    return to_bytes(figure, "svg").decode()
 
 
 def to_png_bytes(figure: Figure, dpi: int = 200) -> bytes:
-    """Return a figure as a PNG file of `dpi` pixels per inch, without the version of the library."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": MADE_BY})
+    """Return a figure as a PNG file of `dpi` pixels per inch."""
+    return to_bytes(figure, "png", dpi)
+
+
+def to_bytes(figure: Figure, kind: str, dpi: int = 200) -> bytes:
+    """Return a figure as a file, `png`, `svg` or `pdf`, the same for the same figure; PDF embeds TrueType."""
+    buffer, undated = io.BytesIO(), {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    made: dict[str, Any] = {"Software" if kind == "png" else "Creator": MADE_BY} | undated.get(kind, {})
+    with matplotlib.rc_context({"svg.hashsalt": "endotwin", "pdf.fonttype": 42}):
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata=made)
     return buffer.getvalue()
 
 
-def clean_axes(axes: Axes) -> Axes:
-    """Give axes the look of all figures: a light grid, no frame at the top and the right."""
+def clean_axes(axes: Axes, size: float = 8.5) -> Axes:
+    """Give axes the look of all figures: a light grid, no frame at the top and the right.
+
+    `size` is that of the letters at the ticks [points].
+    """
     axes.grid(color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set(color="#b9c0c8", linewidth=0.8)
-    axes.tick_params(colors=MUTED, labelsize=8.5, length=0)
-    axes.xaxis.label.set(color=INK, fontsize=9.5)
-    axes.yaxis.label.set(color=INK, fontsize=9.5)
+    axes.tick_params(colors=MUTED, labelsize=size, length=0)
+    axes.xaxis.label.set(color=INK, fontsize=size + 1)
+    axes.yaxis.label.set(color=INK, fontsize=size + 1)
     return axes
 
 
 def comparison_figures(
     scores: Sequence[Score], tracks: Mapping[Condition, Record], rankings: Sequence[Ranking] = ()
-) -> dict[str, bytes]:
-    """Return PNG files by name; tracks are of the first group of episodes at the longest sample time."""
-    longest, first = max(score.sample_time_s for score in scores), tables.groups_of(scores)[0]
-    shown, ranked = tables.chosen_scores(scores, longest, first), rankings_to_draw(rankings)
-    figures = {"rmse_by_noise.png": noise_figure(shown)}
-    if tables.has_limit(scores):
-        figures["times_the_limit.png"] = limit_figure(scores)
-    if ranked:
-        figures["ranks.png"] = rank_figure(ranked)
-    if tables.interval_scores(shown):
-        figures["intervals.png"] = interval_figure(shown)
-    for number, (figure, _) in paper_figures(tracks, shown).items():
-        figures[f"figure_{number:02d}.png"] = figure
-    return {name: to_png_bytes(figure) for name, figure in figures.items()}
+) -> dict[str, Figure]:
+    """Return the figures of a comparison by name: over the page, and `NAME_column` in a column of a paper.
+
+    Tracks are of the first group of episodes at the longest sample time.
+    """
+    shown, ranked = tables.protocol_scores(scores), rankings_to_draw(rankings)
+    figures = {}
+    for width, end in ((PAGE, ""), (COLUMN, "_column")):
+        of_noises = shown if width > COLUMN else tables.front_scores(scores)
+        figures[f"rmse{end}"] = noise_figure(of_noises, width)
+        if tables.has_limit(scores):
+            figures[f"times_the_limit{end}"] = limit_figure(scores, width)
+        if ranked:
+            figures[f"ranks{end}"] = rank_figure(ranked, width)
+        if tables.interval_scores(shown):
+            figures[f"intervals{end}"] = interval_figure(shown, width)
+        for number, (figure, _) in paper_figures(tracks, shown, width).items():
+            figures[f"figure_{number:02d}{end}"] = figure
+    return figures
 
 
 def _colour(method: str) -> str:
@@ -276,51 +311,66 @@ def _colour(method: str) -> str:
 
 
 def _list_methods(axes: Axes, methods: Sequence[str]) -> None:
-    axes.set_yticks(range(len(methods)), methods, fontsize=7.5)
-    axes.tick_params(labelsize=7.5, labelbottom=True)
+    axes.set_yticks(range(len(methods)), methods, fontsize=SMALL)
+    axes.tick_params(labelsize=SMALL, labelbottom=True)
     axes.set_ylim(-0.6, len(methods) - 0.4)
 
 
-def noise_figure(scores: Sequence[Score]) -> Figure:
-    """Draw the RMSE of every method on one group, a panel for each noise, the best on top, and the limit."""
+def noise_figure(scores: Sequence[Score], width: float = PAGE) -> Figure:
+    """Draw the RMSE of every method on one group, a panel for each noise, the least mean error on top."""
+    if not scores:
+        raise InputError("no rows of evaluation.json: nothing to draw")
     noises = list(dict.fromkeys(score.condition for score in scores))
-    ratios = tables.times_the_limit(scores, [scores[0].sample_time_s], [scores[0].group])
-    methods = list(reversed(ratios or dict.fromkeys(score.method for score in scores)))
-    lines = -(-len(noises) // MOST_COLUMNS)
+    methods = list(reversed(tables.mean_errors(scores)))
+    lines = -(-len(noises) // MOST_COLUMNS[width])
     columns = -(-len(noises) // lines)
-    figure = Figure(figsize=(12, 0.22 * len(methods) * lines + 1.4), layout="constrained")
+    size = width, (0.14 * len(methods) + 0.5) * lines + 0.35
+    figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(lines, columns, sharey=True, sharex=True, squeeze=False).ravel()
-    values = {(score.condition, score.method): score for score in scores}
+    values = {(score.condition, score.label): score for score in scores}
     limits = {score.condition: score.rmse_deg for score in scores if tables.is_limit(score.method)}
     for axes, noise in zip(grid, noises, strict=False):
-        clean_axes(axes)
+        clean_axes(axes, SMALL)
         if noise in limits:
             axes.axvline(limits[noise], color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
         for line, method in enumerate(methods):
-            score, colour = values[noise, method], _colour(method)
+            score = values.get((noise, method))
+            if score is None:
+                continue
             low, high = score.rmse_ci95_deg
-            axes.plot([max(low, 1e-3), high], [line, line], color=colour, linewidth=1.4)
-            face = "white" if score.oracle else colour
-            axes.plot(score.rmse_deg, line, "o", markersize=4.2, color=colour, markerfacecolor=face)
+            style: dict[str, Any] = {"color": _colour(score.method), "markersize": 3.6}
+            axes.plot([max(low, 1e-3), high], [line, line], color=style["color"], linewidth=1.2)
+            face = "white" if score.oracle else style["color"]
+            axes.plot(score.rmse_deg, line, "o", markerfacecolor=face, **style)
+            if score.paper_rmse_deg is not None:
+                axes.plot(score.paper_rmse_deg, line, "x", markeredgewidth=1.2, **style)
         axes.set_xscale("log")
-        log_ticks(axes.xaxis, (0.1, 0.3, 1, 3, 10))
-        axes.set_title(noise_label(*noise), fontsize=7.5, color=INK, loc="left")
+        axes.set_title(noise_label(*noise).replace(", ", "\n"), fontsize=SMALL, color=INK, loc="left")
         _list_methods(axes, methods)
-        axes.set_xlim(0.05, 30)
+    drawn = [of for score in scores for of in (score.rmse_deg, score.paper_rmse_deg) if of]
+    low, high = min(0.7 * min(drawn), 0.9), max(1.4 * max(drawn), 1.1)
+    ticks = [0.1, 1, 10] if columns > 3 or width < PAGE else [0.1, 0.3, 1, 3, 10]
+    log_ticks(grid[0].xaxis, [tick for tick in (0.001, 0.01, *ticks, 100, 1000) if low < tick < high])
+    grid[0].set_xlim(low, high)
     for axes in grid[len(noises) :]:
         axes.set_visible(False)
-    label = "RMSE [deg], 95 % interval over seeds; dashed: the limit; hollow: oracle"
-    figure.supxlabel(label, fontsize=8.5, color=INK)
+    marks = {"hollow: oracle": any(score.oracle for score in scores), "dashed: the limit": limits}
+    marks["cross: the paper, another endoscope"] = any(score.paper_rmse_deg for score in scores)
+    shown = (mark for mark, there in marks.items() if there)
+    _label_below(figure, "; ".join(["RMSE [deg], 95 % interval over seeds", *shown]))
     return figure
 
 
-def limit_figure(scores: Sequence[Score]) -> Figure:
-    """Draw the ratio of each method's RMSE to the limit, for every group of episodes and sample time."""
-    times = sorted({score.sample_time_s for score in scores}, reverse=True)
+def limit_figure(scores: Sequence[Score], width: float = PAGE) -> Figure:
+    """Draw the ratio of each method's RMSE to the limit, for every group of episodes and sample time.
+
+    In a column of a paper, for the longest sample time alone.
+    """
+    times = sorted({score.sample_time_s for score in scores}, reverse=True)[: None if width > COLUMN else 1]
     groups = tables.groups_of(scores)
     methods = list(tables.times_the_limit(scores, times, groups))
-    size = 3.2 + 0.62 * len(groups) * len(times), 0.27 * len(methods) + 1.9
-    figure = Figure(figsize=size, layout="constrained")
+    letters = min(SMALL, 27 * (width - 1.4) / (len(groups) * len(times)))  # a ratio has up to three
+    figure = Figure(figsize=(width, 0.16 * len(methods) + 1.7), layout="constrained")
     panels = figure.subplots(1, len(times), sharey=True, squeeze=False)[0]
     for axes, T in zip(panels, times, strict=True):
         columns = [tables.times_the_limit(scores, [T], [group]) for group in groups]
@@ -329,15 +379,15 @@ def limit_figure(scores: Sequence[Score]) -> Figure:
         for (line, column), value in np.ndenumerate(cells):
             ink = "white" if np.log(value) > 0.55 * np.log(40) else INK
             text = f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
-            axes.text(column, line, text, ha="center", va="center", fontsize=7, color=ink)
+            axes.text(column, line, text, ha="center", va="center", fontsize=letters, color=ink)
         labels = [f"{twin} [{low:g}, {high:g}]" for (low, high), twin in groups]
-        axes.set_xticks(range(len(groups)), labels, rotation=60, ha="right", fontsize=7.5)
-        axes.set_yticks(range(len(methods)), methods, fontsize=7.5)
-        axes.set_title(f"T = {T:g} s", fontsize=9, color=INK, loc="left")
+        axes.set_xticks(range(len(groups)), labels, rotation=60, ha="right", fontsize=SMALL)
+        axes.set_yticks(range(len(methods)), methods, fontsize=SMALL)
+        axes.set_title(f"T = {T:g} s", fontsize=SMALL, color=INK, loc="left")
         axes.tick_params(length=0, colors=INK)
         axes.spines[:].set_visible(False)
     title = "RMSE over the limit's, geometric mean over noises"
-    figure.suptitle(title, fontsize=9.5, color=INK, x=0.01, ha="left")
+    figure.suptitle(title, fontsize=SMALL + 1, color=INK, x=0.01, ha="left")
     return figure
 
 
@@ -347,16 +397,19 @@ def rankings_to_draw(rankings: Sequence[Ranking]) -> list[Ranking]:
     return [of for of in rankings if of.sample_time_s == longest and len(of.ranked) > 1]
 
 
-def rank_figure(rankings: Sequence[Ranking]) -> Figure:
-    """Draw every method's error in units of that of the first, with its paired 95 % interval."""
+def rank_figure(rankings: Sequence[Ranking], width: float = PAGE) -> Figure:
+    """Draw every method's error in units of that of the first, with its paired 95 % interval.
+
+    A panel for each group of episodes; in a column of a paper, the first group alone.
+    """
+    rankings = rankings[: None if width > COLUMN else 1]
     columns = len(rankings) if len(rankings) <= _PANELS + 1 else _PANELS
     rows = -(-len(rankings) // columns)
     methods = [of.method for of in tables.by_error(rankings[0])][::-1]
-    size = 2.4 + 2.1 * columns, rows * (0.2 * len(methods) + 0.7) + 0.4
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=(width, rows * (0.15 * len(methods) + 0.5) + 0.4), layout="constrained")
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for axes, ranking in zip(grid, rankings, strict=False):
-        clean_axes(axes)
+        clean_axes(axes, SMALL)
         axes.axvline(1.0, color=MUTED, linewidth=0.8)
         by_name = {of.method: of for of in ranking.ranked}
         first = min((of.rmse_deg for of in ranking.ranked if of.rank == 1), default=None)
@@ -366,24 +419,29 @@ def rank_figure(rankings: Sequence[Ranking]) -> Figure:
                 continue
             colour = MUTED if own_style(method) is None else _colour(method)
             if of.to_best_ci95 is not None:
-                axes.plot(of.to_best_ci95, [line, line], color=colour, linewidth=1.3)
+                axes.plot(of.to_best_ci95, [line, line], color=colour, linewidth=1.2)
             shape = "o" if of.rank is not None else "D"
             face = colour if is_level(of) else "white"
-            axes.plot(of.rmse_deg / first, line, shape, markersize=4.2, color=colour, markerfacecolor=face)
+            axes.plot(of.rmse_deg / first, line, shape, markersize=3.6, color=colour, markerfacecolor=face)
         axes.set_xscale("log")
         log_ticks(axes.xaxis, (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100))
-        axes.set_title(
-            tables.group_name((ranking.stroke_mm, ranking.twin)), fontsize=8.5, color=INK, loc="left"
-        )
+        place = tables.group_name((ranking.stroke_mm, ranking.twin))
+        axes.set_title(place, fontsize=SMALL, color=INK, loc="left")
         _list_methods(axes, methods)
     for axes in grid[len(rankings) :]:
         axes.set_visible(False)
-    label = (
+    _label_below(
+        figure,
         "RMSE in units of the first's, geometric mean over noises, paired 95 % interval; "
-        "filled: level with the first; diamonds do not compete"
+        "filled: level with the first; diamonds do not compete",
     )
-    figure.supxlabel(label, fontsize=8, color=INK)
     return figure
+
+
+def _label_below(figure: Figure, label: str) -> None:
+    """Write a label below all panels, on as many lines as the width of the figure needs."""
+    lines = textwrap.fill(label, int(17 * figure.get_figwidth()))
+    figure.supxlabel(lines, fontsize=SMALL, color=INK)
 
 
 def is_level(of: MethodRank) -> bool:
@@ -391,15 +449,16 @@ def is_level(of: MethodRank) -> bool:
     return of.rank is not None and (of.rank == 1 or of.to_best_ci95 is None or of.to_best_ci95[0] <= 1)
 
 
-def interval_figure(scores: Sequence[Score]) -> Figure:
-    """Draw the coverage of each method's 95 % interval, a dot for each noise, and next to it the CRPS."""
-    stated = tables.interval_scores(scores)
+def interval_figure(scores: Sequence[Score], width: float = PAGE) -> Figure:
+    """Draw the coverage of each method's 95 % interval, a dot for each noise, and next to it the CRPS.
+
+    In a column of a paper, the CRPS is below.
+    """
+    stated, shape = tables.interval_scores(scores), (1, 2) if width > COLUMN else (2, 1)
     methods = list(reversed(stated))
-    figure = Figure(figsize=(8.5, 0.24 * len(methods) + 1.5), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
-    for axes in (left, right):
-        clean_axes(axes)
-        axes.tick_params(labelsize=7.5)
+    size = width, (0.17 * len(methods) + 0.65) * shape[0]
+    figure = Figure(figsize=size, layout="constrained")
+    left, right = axes = figure.subplots(*shape, sharey=True).ravel()
     left.axvspan(*_HONEST, color=MUTED, alpha=0.25, linewidth=0)
     for line, method in enumerate(methods):
         of = stated[method]
@@ -407,12 +466,14 @@ def interval_figure(scores: Sequence[Score]) -> Figure:
         style = {"color": MUTED if own is None else own.colour, "markeredgewidth": 0}
         left.plot([score.coverage95 for score in of], [line] * len(of), "o", markersize=4, alpha=0.7, **style)
         right.plot([score.crps_deg for score in of], [line] * len(of), "o", markersize=3, alpha=0.4, **style)
-        right.plot(tables.mean_of(of, "crps_deg"), line, "|", markersize=9, markeredgewidth=1.6, color=INK)
-    left.set_yticks(range(len(methods)), methods, fontsize=7.5)
+        right.plot(tables.mean_of(of, "crps_deg"), line, "|", markersize=8, markeredgewidth=1.6, color=INK)
+    for panel in axes:
+        clean_axes(panel, SMALL)
+        _list_methods(panel, methods)
     left.set_xlim(-0.02, 1.02)
     left.xaxis.set_major_formatter(PercentFormatter(1.0))
-    left.set_xlabel("truth within the 95 % interval, each noise; grey: 93 to 97 %", fontsize=8.5, color=INK)
+    left.set_xlabel("truth in the 95 % interval; grey: 93 to 97 %", fontsize=SMALL)
     right.set_xscale("log")
-    right.xaxis.set_major_formatter("{x:g}")
-    right.set_xlabel("CRPS [deg]; line: geometric mean", fontsize=8.5, color=INK)
+    log_ticks(right.xaxis, (0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30))
+    right.set_xlabel("CRPS [deg]; line: geometric mean", fontsize=SMALL)
     return figure

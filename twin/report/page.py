@@ -25,8 +25,9 @@ from twin.files.shown import cut
 from twin.report.figures import to_svg
 
 LARGEST_PICTURE = 16 * MEBIBYTE  # size that is read of a picture [bytes]
-WIDE = 6.7
-"""Width from which letters of a figure are too small on a narrow screen, which then scrolls it [inches]."""
+WIDE, DOTS = 6.7, 200
+"""Width from which letters of a figure are too small on a narrow screen, which then scrolls it [inches]; and
+the dots of pictures [1 / inch]."""
 MOST_FACTS = 200  # facts that a page lists of one file
 Facts = Sequence[tuple[str, str]]  # names and values
 
@@ -46,9 +47,11 @@ class Page:
         """Add a section."""
         self.sections.append((heading, parts))
 
-    def add_commands(self, lines: Sequence[str], sentence: str = "") -> None:
-        """Add the last section: the commands that repeat the result and the page."""
-        self.add("How to repeat it", *((text(sentence),) if sentence else ()), commands(lines))
+    def add_origin(self, lines: Sequence[str], stated: Mapping[str, Facts], sentence: str = "") -> None:
+        """Add the last section: the commands that repeat the result and, folded, what it was made from."""
+        parts = [text(sentence)] if sentence else []
+        parts += [commands(lines), folded("Settings, versions and data", facts(stated))]
+        self.add("How to repeat it", *parts)
 
     def write(self, path: Path) -> Path:
         """Write the page as one HTML file."""
@@ -145,22 +148,40 @@ def facts(groups: Mapping[str, Facts]) -> Markup:
     return Markup('<div class="facts">\n{}</div>').format(Markup("").join(sections))
 
 
-def figure(image: Figure | Path | bytes, caption: str, alternative: str = "") -> Markup:
-    """Return a matplotlib figure, or a PNG or SVG picture or file, with its caption; a wide one scrolls."""
+def figure(
+    image: Figure | Path | bytes, caption: str, alternative: str = "", narrow: Figure | None = None
+) -> Markup:
+    """Return a matplotlib figure, or a PNG or SVG picture or file, with its caption.
+
+    A narrow screen shows `narrow` instead, where there is one; else it scrolls a wide figure.
+    """
+    style = ""
     if isinstance(image, Figure):
-        address, wide = data_address("image/svg+xml", to_svg(image).encode()), image.get_figwidth() > WIDE
+        address, wide = _svg_address(image), image.get_figwidth() > WIDE
     else:
         content = image if isinstance(image, bytes) else read_limited(image, LARGEST_PICTURE)
-        kind = "svg+xml" if content.startswith(b"<svg ") else "png"
-        if kind == "png" and not content.startswith(b"\x89PNG\r\n\x1a\n"):
-            raise InputError("it is no PNG picture")
-        address, wide = data_address(f"image/{kind}", content), True
-    inner = Markup('<img alt="{}" src="{}">').format(alternative or caption, address)
-    if wide:
+        kind, wide = "svg+xml" if content.startswith(b"<svg ") else "png", True
+        if kind == "png":
+            if not content.startswith(b"\x89PNG\r\n\x1a\n"):
+                raise InputError("it is no PNG picture")
+            pixels = int.from_bytes(content[16:20], "big")
+            wide, style = pixels > WIDE * DOTS, f"max-width: {pixels // 2}px"
+        address = data_address(f"image/{kind}", content)
+    inner = Markup('<img alt="{}" src="{}"{}>').format(
+        alternative or caption, address, Markup(' style="{}"').format(style) if style else ""
+    )
+    if narrow is not None:
+        choice = '<picture><source media="(max-width: 40rem)" srcset="{}">{}</picture>'
+        inner, wide = Markup(choice).format(_svg_address(narrow), inner), False
+    elif wide:
         label = "Figure, wider than a narrow screen"
         scroll = '<div class="scroll" tabindex="0" role="group" aria-label="{}">{}</div>'
         inner = Markup(scroll).format(label, inner)
-    return captioned(inner, caption, "pan" if wide else "narrow")
+    return captioned(inner, caption, "pan" if wide else "" if narrow else "narrow")
+
+
+def _svg_address(image: Figure) -> str:
+    return data_address("image/svg+xml", to_svg(image).encode())
 
 
 def film(content: bytes, caption: str) -> Markup:

@@ -27,7 +27,7 @@ from twin.hysteresis import ColemanHodgdon, HysteresisModel, load_model
 from twin.preset.file import preset_of
 from twin.recording import read_dataset
 from twin.report import page as html
-from twin.report.evaluation_page import result_parts, tracking_parts
+from twin.report.evaluation_page import answer, front_table, result_parts, tracking_parts
 from twin.report.figures import loop_figure, training_figure
 from twin.report.player import bending_schematic, player
 
@@ -92,16 +92,20 @@ def run_page(folder: Path) -> html.Page:
         there = path.with_name("evaluation.json").is_file()
         return tracking_parts(path, evaluation()[0] if there else [])
 
+    picture = shown("bend.png", lambda path: [html.figure(path, _POSES)])
+    known = _known(evaluation)
     page = html.Page(
         "EndoTwin: a digital twin of a tendon-driven flexible endoscope",
         "Hysteresis, and how well it is estimated",
+        intro=(answer(known[0]), *picture, front_table(known[0])) if known and known[0] else tuple(picture),
     )
+    page.add("Errors under every noise", *shown("results/evaluation.json", results))
+    page.add("Tracking", *shown("results/tracks.npz", tracking))
     page.add(
         "The bending",
-        *_endoscope(_known(train)),
         *([player(episodes[0], "First test record")] if (episodes := _known(test)) else []),
-        *shown("bend.png", lambda path: [html.figure(path, _POSES)]),
         *shown("bend.mp4", _film),
+        *_endoscope(_known(train)),
     )
     page.add(
         "The loop, and the Coleman-Hodgdon model",
@@ -111,16 +115,11 @@ def run_page(folder: Path) -> html.Page:
             *shown("data/test", lambda path: _loop(path, test(), _known(model))),
         ),
     )
-    page.add("How RAM works", *_schemes())
-    page.add("Results and the paper's", *shown("results/evaluation.json", results))
-    page.add("Tracking", *shown("results/tracks.npz", tracking))
-    page.add("Training", *shown("runs", _curves))
+    page.add("How RAM works, and how it learned", *_schemes(), *shown("runs", _curves))
     stated = _run_facts(folder, evaluation)
-    page.add(
-        "What was run",
-        html.facts(stated) if stated else html.gap("No file of this run states how it was made."),
-    )
-    page.add_commands(_commands_run(folder), "`make demo` runs all of it. Step by step:")
+    if not stated:
+        page.add("What was run", html.gap("No file of this run states how it was made."))
+    page.add_origin(_commands_run(folder), stated, "`make demo` runs all of it. Step by step:")
     return page
 
 
@@ -152,18 +151,17 @@ def _endoscope(train: list[Episode] | None) -> list[Markup]:
         preset = preset_of(str(parameters.get("name", "")), given)
     except ValueError as error:
         return [html.gap(f"The endoscope of the training records cannot be drawn: {cut(error, 300)}.")]
-    return [
-        html.figure(
-            bending_schematic(preset, train[0]),
-            "As the paper's Fig. 1: the endoscope straight, and at the largest bend of the first training "
-            "record. Drawn to scale from the twin's own hinges.",
-        ),
-        html.figure(
-            DIAGRAMS / "platform.svg",
-            "As the paper's Fig. 3: the platform, here simulated. The backlash of the gear and the friction "
-            "of the sheath, between command and angle, make the hysteresis.",
-        ),
-    ]
+    scheme = html.figure(
+        bending_schematic(preset, train[0]),
+        "As the paper's Fig. 1: the endoscope straight, and at the largest bend of the first training "
+        "record. Drawn to scale from the twin's own hinges.",
+    )
+    platform = html.figure(
+        DIAGRAMS / "platform.svg",
+        "As the paper's Fig. 3: the platform, here simulated. The backlash of the gear and the friction "
+        "of the sheath, between command and angle, make the hysteresis.",
+    )
+    return [html.folded("The endoscope and the platform: the paper's Figs. 1 and 3", scheme, platform)]
 
 
 def _film(path: Path) -> Sequence[Markup]:
@@ -301,12 +299,12 @@ def training_page(path: Path) -> html.Page:
         learned.insert(0, html.gap(f"This training run is not finished: it has left no {trained.name} yet."))
     page.add("Learning curve", *learned)
     hashes = {"Trained file, by SHA-256": ((trained.name, sha256_of(trained)),)} if trained.is_file() else {}
-    page.add("What was run", html.facts({**hashes, "Configuration": html.flat_facts(values)}))
-    page.add_commands(
+    page.add_origin(
         (
             f"endotwin train --agent {agent} --help",
             f"endotwin evaluate data/test --policy {trained} --out results",
             f"endotwin report {folder}",
-        )
+        ),
+        {**hashes, "Configuration": html.flat_facts(values)},
     )
     return page

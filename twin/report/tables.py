@@ -11,6 +11,7 @@ import numpy as np
 from tabulate import tabulate
 
 from twin.errors import InputError
+from twin.estimation.methods import METHODS
 from twin.estimation.registry import method_spec, method_specs
 from twin.evaluation.costs import Cost
 from twin.evaluation.metrics import geometric_mean
@@ -29,6 +30,7 @@ INDEX_LABELS = {
     "var_deg2": "Var [deg²]",
     "bias_deg": "bias [deg]",
 }
+MOST_FRONT = 9  # methods that a first look has room for
 Row = dict[str, Any]  # a bound or an interval, as `evaluation.json` holds it
 
 
@@ -56,6 +58,59 @@ def protocol_scores(scores: Sequence[Score], sample_time_s: float | None = None)
     longest = max(score.sample_time_s for score in first)
     wanted = longest if sample_time_s is None else sample_time_s
     return [score for score in first if score.sample_time_s == wanted]
+
+
+def front_scores(scores: Sequence[Score]) -> list[Score]:
+    """Return the scores that a first look is for: under the paper's noises, its methods and the best.
+
+    Dithered Poisson noises stand for the paper's where those are missing; without any of its noises, the
+    first five are taken. Of few methods, all are.
+    """
+    first = protocol_scores(scores)
+    noises = dict.fromkeys(score.condition for score in first)
+    papers = [(table.noise, level) for table in TABLES for level in table.values]
+    named = [of if of in noises else (f"{of[0]}-dithered", of[1]) for of in papers]
+    chosen = [of for of in named if of in noises] or list(noises)[: len(papers)]
+    found = sorted((of for of in first if of.condition in chosen), key=lambda of: chosen.index(of.condition))
+    few, best = len({of.label for of in found}) <= MOST_FRONT, best_deployable(found)
+    return [of for of in found if few or of.label == best or _is_of_the_paper(of.method)]
+
+
+def _is_of_the_paper(method: str) -> bool:
+    spec = method_spec(method)
+    return spec is None or spec.presentation.in_paper_tables or spec.name not in METHODS
+
+
+def is_deployable(score: Score) -> bool:
+    """Return whether a method can be deployed: it sees no truth, and is no ensemble, a yardstick."""
+    return competes(score.method, score.oracle)
+
+
+def mean_errors(scores: Sequence[Score]) -> dict[str, float]:
+    """Return the geometric mean over noises of each method's RMSE [deg], by label, the least first.
+
+    Methods that lack a noise which others have are last.
+    """
+    by_label: dict[str, list[float]] = {}
+    for score in scores:
+        by_label.setdefault(score.label, []).append(score.rmse_deg)
+    means = {label: float(geometric_mean(np.array(of))) for label, of in by_label.items()}
+    return dict(sorted(means.items(), key=lambda item: (-len(by_label[item[0]]), item[1])))
+
+
+def best_deployable(scores: Sequence[Score]) -> str | None:
+    """Return the label of the deployable method with the least mean error; None without any."""
+    return next(iter(mean_errors([score for score in scores if is_deployable(score)])), None)
+
+
+def best_methods(scores: Iterable[Score]) -> set[str]:
+    """Return the labels in bold under one noise: the least RMSE that can be deployed, and its equals.
+
+    A method is equal where the paired 95 % interval of its error, in units of the least, reaches 1.
+    """
+    racing = sorted((of for of in scores if is_deployable(of)), key=lambda of: of.rmse_deg)
+    level = [of for of in racing[1:] if of.to_best_ci95 is not None and of.to_best_ci95[0] <= 1]
+    return {of.label for of in (*racing[:1], *level)}
 
 
 def clear_best(scores: Iterable[Score]) -> str | None:
