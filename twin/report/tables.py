@@ -17,7 +17,7 @@ from twin.evaluation.costs import Cost
 from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.paper import TABLES, PaperTable, noise_label, paper_value
 from twin.evaluation.protocol import RECORDED, SUITES, Condition
-from twin.evaluation.ranking import MethodRank, Ranking
+from twin.evaluation.ranking import MethodRank, Ranking, competes
 from twin.evaluation.score import Group, Score, mean_coverage, rmse_by
 from twin.files.atomic import MADE_BY
 from twin.signals.noise import noise_variance
