@@ -22,6 +22,7 @@ __version__ = "0.1.0"
 _HOME = {
     "ActiveModel": "twin.estimation.active_model",
     "ColemanHodgdon": "twin.hysteresis",
+    "Dataset": "twin.episode",
     "EndoTwinError": "twin.errors",
     "Endoscope": "twin.physics",
     "Episode": "twin.episode",
@@ -42,6 +43,7 @@ _HOME = {
     "preset_names": "twin.preset",
     "read_dataset": "twin.recording",
     "read_episode": "twin.recording",
+    "read_pictures": "twin.recording.camera",
     "recover_episode": "twin.recording",
     "render": "twin.rendering.render",
     "simulate": "twin.simulation",
@@ -55,6 +57,7 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from twin.dataset.recipe import Recipe as Recipe
     from twin.dataset.recipe_file import load_recipe as load_recipe
     from twin.dataset.write import write_dataset as write_dataset
+    from twin.episode import Dataset as Dataset
     from twin.episode import Episode as Episode
     from twin.errors import EndoTwinError as EndoTwinError
     from twin.estimation.active_model import ActiveModel as ActiveModel
@@ -76,6 +79,7 @@ if TYPE_CHECKING:  # the same for type checkers and editors
     from twin.recording import read_episode as read_episode
     from twin.recording import recover_episode as recover_episode
     from twin.recording import write_episode as write_episode
+    from twin.recording.camera import read_pictures as read_pictures
     from twin.reduced import ReducedTwins as ReducedTwins
     from twin.rendering.render import render as render
     from twin.simulation import simulate as simulate
@@ -86,12 +90,10 @@ else:
         """Load a public name when it is first used (PEP 562)."""
         if name not in _HOME:
             raise AttributeError(f"module 'twin' has no attribute {name!r}; it has {', '.join(_HOME)}")
-        try:
-            value = getattr(importlib.import_module(_HOME[name]), name)
-        except ModuleNotFoundError as error:
-            from twin.errors import missing_extra
+        from twin.errors import needs_extra
 
-            raise missing_extra(error, f"twin.{name}") or error from None
+        with needs_extra(f"twin.{name}"):
+            value = getattr(importlib.import_module(_HOME[name]), name)
         globals()[name] = value
         return value
 

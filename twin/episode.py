@@ -1,13 +1,18 @@
 """One episode as arrays: what was commanded, what was true, what a sensor saw. Time is the leading axis."""
 
 import dataclasses
+import html
 from collections.abc import Collection, Mapping
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError
+from twin.errors import InputError, needs_extra
+
+if TYPE_CHECKING:  # of extras
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 Method = Literal["thin", "nearest", "interpolate"]  # method of `resample`
@@ -21,6 +26,7 @@ WIRE_COLOURS = (0.83, 0.18, 0.13), (0.12, 0.38, 0.75), (0.16, 0.55, 0.28), (0.90
 OPTIONAL = ("pulley", "sheath_bend", "wire_slack", "lateral_pull", "lateral_bend", "lateral_joint_angle")
 """Fields of an episode that may be empty: not recorded, or not there in one bending plane."""
 _COLUMNS = ("time", "pull_mm", "truth_deg", "measured_deg")  # of a `Record`
+_LOOP_POINTS = 500  # of the small loop of a notebook, at most
 
 
 def _empty() -> Array:
@@ -107,6 +113,18 @@ class Episode:
             f"  recorded: time, pull, bend, {', '.join(recorded)}"
         )
 
+    def _repr_html_(self) -> str:
+        """Return the text of `repr` next to a small loop, for notebooks."""
+        rows = np.column_stack([self.pull, -self.bend])[:: -(-len(self.time) // _LOOP_POINTS)]
+        rows = (rows - rows.min(axis=0)) / np.maximum(np.ptp(rows, axis=0), 1e-12)
+        points = " ".join(f"{4 + 112 * x:.1f},{4 + 82 * y:.1f}" for x, y in rows.tolist())
+        return (
+            '<div style="display:flex;gap:1em"><svg width="120" height="90" style="flex:none" role="img">'
+            "<title>bending angle over pulling distance</title>"
+            f'<polyline points="{points}" fill="none" stroke="currentColor"/></svg>'
+            f'<pre style="white-space:pre-wrap">{html.escape(repr(self))}</pre></div>'
+        )
+
     @property
     def sample_time(self) -> float:
         """Median time between two samples [s]."""
@@ -152,6 +170,28 @@ class Episode:
         columns = resample(self.time, self._arrays(), sample_time, method, with_gaps=("measured_bend",))
         return dataclasses.replace(self, **columns)
 
+    def part(self, begin: int = 0, end: int | None = None) -> "Episode":
+        """Return the samples from `begin` to before `end`, at their own times."""
+        columns = {name: values[begin:end] for name, values in self._arrays().items()}
+        return dataclasses.replace(self, **columns)
+
+    def to_dataframe(self) -> "DataFrame":
+        """Return a row for each sample: `time_s` and all recorded quantities, units in their names.
+
+        The columns are those of `endotwin export --format csv --columns all`; `bend_deg` is the truth.
+        """
+        with needs_extra("Episode.to_dataframe"):
+            import pandas
+        from twin.recording.features import table_columns
+
+        return pandas.DataFrame(table_columns(self, everything=True))
+
+    def plot(self) -> "Figure":
+        """Return a figure of the loop, and of bending angle and pull over time; a notebook shows it."""
+        with needs_extra("Episode.plot"):
+            from twin.report.figures import episode_figure
+        return episode_figure(self)
+
     def record(self, number: int = 0) -> "Record":
         """Return the columns of an estimator [mm, deg]; the truth of a measured log is unknown.
 
@@ -192,6 +232,17 @@ class Episode:
             for field in dataclasses.fields(self)
             if field.name not in ("metadata", "attachments")
         }
+
+
+class Dataset(list[Episode]):
+    """Episodes of a folder, in the order of their names."""
+
+    def to_dataframe(self) -> "DataFrame":
+        """Return a row of parameters for each episode: metadata, and `preset.NAME` in SI units."""
+        with needs_extra("Dataset.to_dataframe"):
+            import pandas
+        facts = [{k: v for k, v in episode.metadata.items() if k != "statistics"} for episode in self]
+        return pandas.json_normalize(facts)
 
 
 @dataclasses.dataclass(frozen=True)

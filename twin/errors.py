@@ -1,6 +1,8 @@
 """Exceptions that the library raises for its users; each is also the built-in exception that it refines."""
 
+import contextlib
 import importlib.util
+from collections.abc import Iterator
 
 
 class EndoTwinError(Exception):
@@ -34,6 +36,7 @@ EXTRAS = {
     "live": ("websockets",),
     "benchmark": ("filterpy",),
     "vision": ("cv2",),
+    "notebook": ("pandas",),
 }
 """Extras of EndoTwin, and the modules that each installs, by the names that they are imported by."""
 
@@ -44,6 +47,15 @@ def missing_extra(error: ImportError, what: str = "this") -> MissingExtraError |
         if isinstance(error, ModuleNotFoundError) and error.name in modules:
             return _not_installed(extra, error.name, what)
     return None
+
+
+@contextlib.contextmanager
+def needs_extra(what: str) -> Iterator[None]:
+    """Name the extra to install for `what`, where a module that is imported in this context is missing."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise missing_extra(error, what) or error from None
 
 
 def require_extra(extra: str, what: str = "this") -> None:

@@ -11,7 +11,7 @@ from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from numpy.typing import NDArray
 
-from twin.errors import InputError
+from twin.errors import InputError, needs_extra
 from twin.recording.reader import named_errors, read_contents, whole_contents
 
 CAMERA_TOPIC = "/camera/image"  # topic of the pictures of the camera next to the endoscope
@@ -95,7 +95,8 @@ def has_pictures(path: Path) -> bool:
 
 def decoded(jpeg: bytes) -> NDArray[np.uint8]:
     """Return a JPEG file as (height, width, 3) pixels."""
-    from PIL import Image  # of an extra: files are read without it
+    with needs_extra("a picture"):
+        from PIL import Image
 
     try:
         with Image.open(io.BytesIO(jpeg), formats=("JPEG",)) as picture:

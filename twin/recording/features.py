@@ -213,10 +213,18 @@ def write_csv(path: str | Path, episode: Episode, *, everything: bool = False) -
 
 
 def csv_text(episode: Episode, *, everything: bool = False) -> str:
-    """Return an episode as the text of a CSV table, one row per sample.
+    """Return the table of an episode as CSV; each number has the digits that read back as the same double."""
+    columns = table_columns(episode, everything=everything)
+    rows = np.column_stack(list(columns.values())).tolist()
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    return "\n".join(lines) + "\n"
+
+
+def table_columns(episode: Episode, *, everything: bool = False) -> dict[str, Array]:
+    """Return the columns (N,) of the table of an episode by name, one row per sample.
 
     The columns are `time_s`, those of the quantities of `TABLE` that are known, and, with `everything`, those
-    of all others of `FEATURES`. Each number has the digits that read back as the same double.
+    of all others of `FEATURES`.
     """
     held = recorded(episode)
     known: dict[str, dict[str, Array]] = {}
@@ -234,6 +242,4 @@ def csv_text(episode: Episode, *, everything: bool = False) -> str:
     columns = {"time_s": episode.time}
     for name in chosen:
         columns |= known[name]
-    rows = np.column_stack(list(columns.values())).tolist()
-    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
-    return "\n".join(lines) + "\n"
+    return columns

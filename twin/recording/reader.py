@@ -21,7 +21,7 @@ from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from numpy.typing import NDArray
 
-from twin.episode import Episode
+from twin.episode import Dataset, Episode
 from twin.errors import InputError, MissingFileError
 from twin.files.bounded import MEBIBYTE, opened
 from twin.files.json_text import parse_json
@@ -364,14 +364,14 @@ def read_estimates(path: str | Path, topic: str) -> Array:
     return angle_deg
 
 
-def read_dataset(path: str | Path, *, hidden: bool = True) -> list[Episode]:
+def read_dataset(path: str | Path, *, hidden: bool = True) -> Dataset:
     """Read all episodes of a folder, in the order of their names, or the one of a file; see `read_episode`.
 
     Raises:
         FileNotFoundError: there is no such folder or file, or no `*.mcap` in the folder.
         ValueError: a file is damaged (see `read_episode`).
     """
-    return [read_episode(file, hidden=hidden) for file in episode_files(path)]
+    return Dataset(read_episode(file, hidden=hidden) for file in episode_files(path))
 
 
 def episode_files(path: str | Path) -> list[Path]:

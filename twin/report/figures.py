@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, PercentFormatter
 from numpy.typing import NDArray
 
-from twin.episode import Record
+from twin.episode import Episode, Record
 from twin.errors import InputError
 from twin.estimation.methods import Style
 from twin.estimation.registry import method_spec, method_specs
@@ -85,6 +85,36 @@ def loop_figure(loops: Sequence[tuple[Array, Array]], fits: Sequence[Array] = ()
     figure.legend(handles=handles, loc="outside upper left", ncols=2, frameon=False, fontsize=8.5)
     axes.set_xlabel("pulling distance [mm]")
     axes.set_ylabel("bending angle [deg]")
+    return figure
+
+
+class NotebookFigure(Figure):
+    """Figure that a notebook shows as the last line of a cell, without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        return to_png_bytes(self, dpi=100)
+
+
+def episode_figure(episode: Episode) -> NotebookFigure:
+    """Draw the loop of an episode, and its bending angle and pull over time; dots are measurements."""
+    record = episode.record()
+    figure = NotebookFigure(figsize=(8.6, 4.2), layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.3), height_ratios=(1.4, 1))
+    loop, bend = (clean_axes(figure.add_subplot(place)) for place in (grid[:, 0], grid[0, 1]))
+    pull = clean_axes(figure.add_subplot(grid[1, 1], sharex=bend))
+    for axes, x in ((loop, record.pull_mm), (bend, record.time)):
+        axes.plot(x, record.measured_deg, linestyle="", label="measured", **MEASUREMENT)
+        if not record.is_measured:
+            axes.plot(x, record.truth_deg, color=INK, linewidth=1.2, label="true")
+        axes.set_ylabel("bending angle [deg]")
+    pull.plot(record.time, record.pull_mm, color=INK, linewidth=1.2)
+    pull.set(xlabel="time [s]", ylabel="pull [mm]")
+    loop.set_xlabel("pulling distance [mm]")
+    figure.align_ylabels([bend, pull])
+    handles, _ = loop.get_legend_handles_labels()
+    figure.legend(handles=handles, loc="outside lower left", ncols=2, frameon=False, fontsize=8.5)
+    origin = repr(episode).partition("\n")[0]
+    figure.suptitle(origin, x=0.01, ha="left", fontsize=10, color=INK, parse_math=False)
     return figure
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Episode
-from twin.errors import InputError, missing_extra
+from twin.errors import InputError, needs_extra
 from twin.preset.preset import Preset, at_sample_time
 
 if TYPE_CHECKING:
@@ -29,13 +29,11 @@ def check_physics(physics: str) -> None:
 def _twin(physics: str, function: str) -> Any:
     """Return a function of a twin; the error of a missing MuJoCo names the extra to install."""
     check_physics(physics)
-    try:
+    with needs_extra(f"twin.{function}"):
         if physics == "reduced":
             from twin import reduced as chosen
         else:
             from twin import physics as chosen  # type: ignore[no-redef]
-    except ModuleNotFoundError as error:
-        raise missing_extra(error, f"twin.{function}") or error from None
     return getattr(chosen, function)
 
 
