@@ -5,6 +5,7 @@ files are exported by tracing, filters are tuned by 150 evaluations, members are
 gate takes two twins.
 """
 
+import base64
 import contextlib
 import dataclasses
 import glob
@@ -22,6 +23,7 @@ from unittest import mock
 import briefly
 import documented
 import gated
+import nbformat
 import pytest
 import tyro
 from documented import (
@@ -198,3 +200,13 @@ def test_a_tutorial_is_a_page_with_text_code_and_output():
     page = tutorials.page(tutorials.FOLDER / "write_an_estimator.py")
     assert "```python" in page
     assert "```text" in page
+
+
+def test_a_tutorial_is_a_notebook_with_what_its_cells_print_and_show():
+    content = nbformat.reads(tutorials.notebook(tutorials.FOLDER / "write_an_estimator.py"), 4)
+    nbformat.validate(content)
+    outputs = [output for cell in content.cells for output in cell.get("outputs", ())]
+    assert "0.89" in next(of.text for of in reversed(outputs) if of.output_type == "stream")
+    (figure,) = (of.data["image/png"] for of in outputs if of.output_type == "display_data")
+    assert base64.b64decode(figure).startswith(b"\x89PNG")
+    assert not [cell for cell in content.cells if tutorials.MARK in cell.source]

@@ -55,6 +55,7 @@ def faults_of(browser, served, page):
 def test_no_page_at_all_has_a_fault_in_a_browser(site, served):
     for name in build.nav_pages():
         assert (site / name).with_suffix(".html").is_file(), name
+        assert not name.startswith("tutorials/") or (site / name).with_suffix(".ipynb").is_file(), name
     pages = [str(path.relative_to(site)) for path in sorted(site.rglob("*.html"))]
     with open_browser() as browser:
         found = {page: faults_of(browser, served, page) for page in pages}

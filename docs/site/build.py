@@ -1,7 +1,8 @@
 """Builds the site of the documents, without a network: `python docs/site/build.py [FOLDER]`, or `make docs`.
 
-Pages are gathered in FOLDER/docs: the documents as they are, tutorials from their scripts, and the reference,
-made from the code. Then Zensical builds FOLDER/site of them; a warning, such as a dead link, ends the build.
+Pages are gathered in FOLDER/docs: the documents as they are, tutorials from their scripts with their
+notebooks, and the reference, made from the code. Then Zensical builds FOLDER/site of them; a warning, such as
+a dead link, ends the build.
 """
 
 import os
@@ -55,6 +56,8 @@ def gather(folder: Path) -> None:
     }
     for name, text in made.items():
         links.write_page(text, documents / name, folder / name, folder, AT_ROOT)
+    for path in tutorials.FOLDER.glob("*.py"):
+        (folder / "tutorials" / f"{path.stem}.ipynb").write_text(tutorials.notebook(path))
     for name in ("site.css", "site.js"):
         shutil.copy(SITE / name, folder / name)
 

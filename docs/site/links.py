@@ -47,7 +47,7 @@ def _place(path: Path, folder: Path, at_root: Mapping[str, str]) -> Path:
         return folder / at_root[name]
     if name.startswith("docs/") and not name.startswith(("docs/site", "docs/tutorials")):
         return folder / name.removeprefix("docs/")
-    if name.startswith("docs/tutorials/") and name.endswith(".py"):
+    if name.startswith("docs/tutorials/"):
         return folder / name.removeprefix("docs/").replace(".py", ".md")
     copied = folder / "source" / name
     copied.parent.mkdir(parents=True, exist_ok=True)

@@ -88,6 +88,14 @@ print(f"near a pull of zero: {there:.1f} deg on the way up, {back:.1f} deg on th
 # > near a pull of zero: 0.0 deg on the way up, 9.2 deg on the way down
 
 # %% [markdown]
+# A notebook shows the loop, and the time course. `loop.to_dataframe()` has the same numbers and all hidden state for pandas, and
+# `episodes.to_dataframe()` the parameters of each episode.
+
+# %%
+loop.plot()
+# > ![Episode of ureteroscope, signal sine, seed 7, episode 0](../images/tutorials/a_dataset_in_ten_minutes_0.png)
+
+# %% [markdown]
 # It holds the hidden state too: the tension in each length of each wire, from the pulley to the tip. Friction in the sheath leaves less of it
 # at the tip.
 

@@ -61,7 +61,11 @@ for k, angle in enumerate(wanted):
     pull[k] = model.inverse(angle, stroke=(-4e-3, 4e-3)).pull[0, 0]
     model.step(pull[k])
 print(f"inverse of the twin: {rmse(follow(pull)):.1f} deg RMSE")
-# > inverse of the twin: 0.1 deg RMSE
+# > inverse of the twin: 0.0 deg RMSE
+
+# %%
+twin.simulate(preset, pull, sample_time=T).plot()
+# > ![Episode of ureteroscope](../images/tutorials/compensate_hysteresis_0.png)
 
 # %% [markdown]
 # ## Another endoscope than the model

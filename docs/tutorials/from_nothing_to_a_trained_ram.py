@@ -41,6 +41,10 @@ endotwin("generate --stroke -1 1 --episodes 2 --seconds 20 --seed 2 --out data/t
 # > data/train: 2 episodes, 40 s of ureteroscope
 # > data/test: 2 episodes, 40 s of ureteroscope
 
+# %%
+twin.read_dataset("data/train")[0].plot()
+# > ![Episode of ureteroscope, signal sine, seed 1, episode 0](../images/tutorials/from_nothing_to_a_trained_ram_0.png)
+
 # %% [markdown]
 # ## A model of hysteresis
 #
@@ -52,8 +56,8 @@ model = twin.load_model("coleman_hodgdon.json")
 print(
     f"a = {model.a_per_mm:.2f} / mm, b = {model.b_deg_per_mm:.1f} deg / mm, c = {model.c_deg_per_mm:.1f} deg / mm"
 )
-# > coleman_hodgdon.json: a_per_mm = 1.255, b_deg_per_mm = 22.37, c_deg_per_mm = 4.768, c_over_b = 0.2132, monotone = no, RMSE 0.858 deg over 2 records
-# > a = 1.26 / mm, b = 22.4 deg / mm, c = 4.8 deg / mm
+# > coleman_hodgdon.json: a_per_mm = 1.259, b_deg_per_mm = 22.36, c_deg_per_mm = 4.733, c_over_b = 0.2116, monotone = no, RMSE 0.858 deg over 2 records
+# > a = 1.26 / mm, b = 22.4 deg / mm, c = 4.7 deg / mm
 
 # %% [markdown]
 # ## Training

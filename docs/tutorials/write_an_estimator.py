@@ -62,6 +62,10 @@ class Complementary(Estimator[np.ndarray]):
 from twin.files.assets import assets_folder
 
 data = assets_folder() / "samples" / "dataset"
+twin.read_dataset(data)[0].plot()
+# > ![Episode of ureteroscope, signal sine, seed 0, episode 0](../images/tutorials/write_an_estimator_0.png)
+
+# %%
 model = twin.ColemanHodgdon(1.15, 22.38, 5.0)  # the paper's
 filters = {"complementary": Complementary(model), "active model": twin.ActiveModel(model, sample_time=0.1)}
 for score in twin.evaluate(data, filters, suite="paper-only", seeds=5):

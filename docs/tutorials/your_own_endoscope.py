@@ -60,6 +60,10 @@ print(log)
 # >   2700 samples every 0.0333 s, 89.9667 s; pull -3.00 to 3.00 mm, bend -52.5 to 53.8 deg
 # >   recorded: time, pull, bend, measured_bend (153 missing)
 
+# %%
+log.plot()
+# > ![Episode 'bench', measured, signal measured](../images/tutorials/your_own_endoscope_0.png)
+
 # %% [markdown]
 # ## Calibrate
 #
