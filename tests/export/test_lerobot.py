@@ -14,9 +14,10 @@ from twin.episode import Episode
 pq = pytest.importorskip("pyarrow.parquet")
 
 from twin.export.columns import QUANTILES, colour_statistics, frames_per_second, statistics  # noqa: E402
-from twin.export.lerobot import write_lerobot  # noqa: E402
+from twin.export.lerobot import LONGEST, write_lerobot  # noqa: E402
 
 PREFIXES = {"observation.state", "action", "truth"}
+TOLERANCE_S = 1e-4  # of LeRobot, of a step between two frames
 ORDERS = {"timestamp", "frame_index", "episode_index", "index", "task_index"}
 
 
@@ -157,6 +158,28 @@ def test_statistics_of_colours_are_those_of_their_pixels():
     for key, wanted in statistics(pixels / 255).items():
         assert np.shape(found[key]) == ((1,) if key == "count" else (3, 1, 1))
         np.testing.assert_allclose(np.ravel(found[key]), wanted, atol=1e-12)
+
+
+def test_a_long_record_is_several_episodes_whose_time_stamps_are_exact_enough(tmp_path):
+    long = dataclasses.replace(make_episode(10_001), time=3 + np.arange(10_001) * 0.25)
+    info = write_lerobot(tmp_path, [("short", long.part(0, 9), {}), ("long", long, {})])
+    rows = rows_of(tmp_path)
+    assert info["total_episodes"] == 4
+    assert [row["source"] for row in rows] == ["short", "long", "long", "long"]
+    assert [row["begin_s"] for row in rows] == [3, 3, *(3 + 0.25 * k for k in (3333, 6667))]
+    assert sum(row["length"] for row in rows[1:]) == 10_001
+    np.testing.assert_array_equal(column(tmp_path, "truth.bend_deg")[9:, 0], long.truth_deg)
+    for row in rows:
+        part = slice(row["dataset_from_index"], row["dataset_to_index"])
+        place = np.arange(row["length"])
+        np.testing.assert_array_equal(column(tmp_path, "timestamp")[part, 0], (place / 4).astype("f4"))
+        np.testing.assert_array_equal(column(tmp_path, "frame_index")[part, 0], place)
+
+
+@pytest.mark.parametrize("per_second", [1, 7, 50, 333, 1000])
+def test_the_longest_episode_has_steps_within_the_tolerance_of_lerobot(per_second):
+    stamps = (np.arange(int(LONGEST * per_second)) / per_second).astype("f4")
+    assert np.abs(np.diff(stamps) - 1 / per_second).max() < TOLERANCE_S
 
 
 def test_uneven_samples_are_no_frames_and_a_sample_time_is_named():

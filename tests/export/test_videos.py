@@ -11,6 +11,7 @@ from exporting import run
 from PIL import Image
 from recorded import make_episode
 
+import twin
 from twin.export.columns import statistics, video_key
 from twin.recording.camera import CAMERA_TOPIC, decoded, picture_message, stereo_topics
 from twin.recording.messages import to_nanoseconds
@@ -70,6 +71,26 @@ def test_every_frame_of_the_table_has_its_picture_in_the_film(folder, tmp_path, 
         assert row[f"videos/{VIDEO_KEY}/to_timestamp"] == pytest.approx(SAMPLES / info["fps"])
         expected = [SHADES[max(k - 2, 0) // EVERY] for k in range(SAMPLES)]
         np.testing.assert_allclose(frames[:, 24, 32, 0], expected, atol=12)
+
+
+def test_pictures_are_read_with_their_times(folder):
+    (camera, seen), *others = twin.read_pictures(folder / "episode_0000.mcap").items()
+    assert (camera, others, seen.size) == ("camera", [], SIDES)
+    np.testing.assert_allclose(seen.time, (2 + EVERY * np.arange(4)) * 0.02)
+    shades = [shown[24, 32, 0] for shown in seen.at(seen.time)]
+    np.testing.assert_allclose(shades, SHADES, atol=3)
+
+
+def test_a_long_record_has_a_film_for_each_of_its_episodes(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("twin.export.lerobot.LONGEST", 0.3)
+    _, said, _ = run(capsys, folder, "--out", tmp_path / "out")
+    assert "2 episodes, 0.8 s, as parquet" in said
+    assert "split: 4 LeRobot episodes" in said
+    films = sorted((tmp_path / f"out/videos/{VIDEO_KEY}/chunk-000").iterdir())
+    assert [len(frames_of(film)) for film in films] == [10] * 4
+    frames = np.concatenate([frames_of(film) for film in films[:2]])
+    expected = [SHADES[max(k - 2, 0) // EVERY] for k in range(SAMPLES)]
+    np.testing.assert_allclose(frames[:, 24, 32, 0], expected, atol=12)
 
 
 def test_statistics_of_the_video_are_those_of_its_pixels(folder, tmp_path, capsys):

@@ -39,13 +39,16 @@ class Tally:
     seconds: float = 0.0  # in all episodes
     recovered: list[dict[str, Any]] = dataclasses.field(default_factory=list)  # samples and faults of each
     lost: list[dict[str, Any]] = dataclasses.field(default_factory=list)  # files that nothing is left of
+    lerobot_episodes: int = 0  # of a LeRobot dataset, where a long record is several
     pictures: int = 0  # records whose pictures are written
     pictures_left_out: int = 0  # records whose pictures are not, as the format has none
 
     @property
     def damage(self) -> str:
-        """Pictures, and losses of damaged files, as the end of a sentence; empty for neither."""
+        """What became of long records, pictures and damaged files, as the end of a sentence; may be empty."""
         line = ""
+        if self.lerobot_episodes > self.episodes:
+            line += f"; long ones are split: {self.lerobot_episodes} LeRobot episodes"
         if self.pictures:
             line += f"; with the pictures of {self.pictures} as video"
         if self.pictures_left_out:
@@ -99,7 +102,7 @@ def export_records(
     if plan.form == "parquet":
         from twin.export.lerobot import write_lerobot  # pyarrow may not be installed
 
-        write_lerobot(folder, _with_pictures(pieces, tally))
+        tally.lerobot_episodes = write_lerobot(folder, _with_pictures(pieces, tally))["total_episodes"]
         return tally
     for name, episode, source in pieces:
         path = folder / f"{name}.{plan.form}"

@@ -10,8 +10,9 @@ meta/episodes/chunk-000/file-000.parquet  per episode: where its frames are, and
 videos/observation.images.camera/chunk-000/file-000.mp4  pictures of each camera, a film per episode
 ```
 
-Two columns of the episodes are ours: `source`, the name of the record, and `metadata`, its metadata as JSON.
-One number per frame is stored as such, as LeRobot does, not as a list of one.
+Three columns of the episodes are ours: `source`, the name of the record; `begin_s`, the time in the record at
+which the episode begins; and `metadata` of the record, as JSON. A record longer than `LONGEST` is several
+episodes. One number per frame is stored as such, as LeRobot does, not as a list of one.
 
 A measurement that is missing is NaN in `observation.state`, and not counted in the statistics. LeRobot's
 loader and its normalisation keep NaN, and so a loss over such a frame is NaN: leave those frames out, or fill
@@ -20,7 +21,9 @@ them. LeRobot's loader makes float32 of the float64 columns; pandas and Arrow do
 
 import contextlib
 import io
+import itertools
 import json
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -53,6 +56,9 @@ from twin.recording.camera import Pictures
 VERSION = "v3.0"
 FILE = "chunk-000/file-000.parquet"  # frames, and descriptions of episodes, are in one file each
 CHUNK_FILES = 1000  # films in one `chunk-...` folder
+LONGEST = 1000.0
+"""Length of an episode, at most [s]: from 1024 s on, the steps between time stamps, which are float32, err by
+more than the 1e-4 s that LeRobot tolerates."""
 
 
 def write_lerobot(
@@ -65,12 +71,13 @@ def write_lerobot(
     """
     dataset = _Dataset(folder)
     with WholeFile(_made(folder / "data" / FILE)) as file, contextlib.ExitStack() as stack:
-        for name, episode, pictures in episodes:
-            columns = dataset.add(name, episode, pictures)
-            table = pa.table({key: column.array for key, column in columns.items()})
-            if dataset.episodes == 1:
-                writer = stack.enter_context(pq.ParquetWriter(file, table.schema, compression="zstd"))
-            writer.write_table(table, row_group_size=max(len(table), 1))
+        for name, record, pictures in episodes:
+            for episode in _parts(record):
+                columns = dataset.add(name, episode, pictures)
+                table = pa.table({key: column.array for key, column in columns.items()})
+                if dataset.episodes == 1:
+                    writer = stack.enter_context(pq.ParquetWriter(file, table.schema, compression="zstd"))
+                writer.write_table(table, row_group_size=max(len(table), 1))
     info = dataset.info()
     rows = pa.Table.from_pylist(dataset.rows, schema=dataset.row_schema())
     with WholeFile(_made(folder / "meta" / "episodes" / FILE)) as file:
@@ -80,6 +87,13 @@ def write_lerobot(
     write_whole(folder / "meta" / "tasks.parquet", _tasks(dataset.tasks))
     write_whole(folder / "README.md", _card(info))
     return info
+
+
+def _parts(record: Episode) -> list[Episode]:
+    """Return a record in parts of nearly equal length, none longer than `LONGEST`."""
+    most = LONGEST * max(round(1 / record.sample_time), 1)
+    edges = np.linspace(0, len(record.time), math.ceil(len(record.time) / most) + 1).astype(int).tolist()
+    return [record.part(*ends) for ends in itertools.pairwise(edges)]
 
 
 def _made(path: Path) -> Path:
@@ -129,6 +143,7 @@ class _Dataset:
             "dataset_from_index": self._frames,
             "dataset_to_index": self._frames + count,
             "source": name,
+            "begin_s": float(episode.time[0]),
             "metadata": json.dumps(episode.metadata, sort_keys=True, default=lambda value: value.tolist()),
         }
         for camera, seen in pictures.items():
@@ -231,7 +246,7 @@ class _Dataset:
             for key in ("min", "max", "mean", "std", "count", *QUANTILES):
                 types[f"stats/{name}/{key}"] = pa.list_(pa.int64()) if key == "count" else numbers
         types |= {"meta/episodes/chunk_index": pa.int64(), "meta/episodes/file_index": pa.int64()}
-        return pa.schema(types | {"source": pa.string(), "metadata": pa.string()})
+        return pa.schema(types | {"source": pa.string(), "begin_s": pa.float64(), "metadata": pa.string()})
 
 
 def _robot_and_task(episode: Episode) -> tuple[str, str]:
