@@ -161,8 +161,8 @@ class _Errors:
                 self.left_out.append(np.stack(without, axis=1) / columns)
         for place, name in enumerate(names):
             if len(groups[0][name]) > 1:
-                without = sum(_log_rmse_without(group[name], _TRAININGS) for group in groups)
-                self.left_out.append(np.outer(without, np.eye(len(names))[place]) / columns)
+                of_groups = [_log_rmse_without(group[name], _TRAININGS) for group in groups]
+                self.left_out.append(np.outer(np.sum(of_groups, axis=0), np.eye(len(names))[place]) / columns)
 
     def difference(self, one: int, other: int | None) -> tuple[float, float, float]:
         """Return the log ratio of two errors, or one log error, its deviation and degrees of freedom."""
