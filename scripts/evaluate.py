@@ -32,8 +32,8 @@ class Evaluate(Settings):
     twins. It makes missing records, models and training runs. All is kept; a stopped run continues.
 
     Examples:
-        endotwin evaluate data/test --train data/train --model coleman_hodgdon.json --methods AM --out results
-        endotwin evaluate data/measured --policy runs/device/policy.onnx --measurements recorded --out results
+        endotwin evaluate data/test --train data/train --model coleman_hodgdon.json --methods AM --out out/am
+        endotwin evaluate data/measured --policy runs/device/policy.onnx --measurements recorded --out out/log
     """
 
     GROUPS: ClassVar = {

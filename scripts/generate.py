@@ -25,7 +25,7 @@ class Generate(Options):
     A second run makes only what is missing or damaged. Flags override the recipe file.
 
     Examples:
-        endotwin generate --stroke 2 4 --episodes 2 --seconds 30 --seed 1 --out data/train
+        endotwin generate --stroke 2 4 --episodes 4 --seconds 60 --seed 1 --out data/train
         endotwin generate --physics reduced --episodes 64 --out data/bulk
     """
 
