@@ -60,7 +60,7 @@ def control_page(values: Mapping[str, Any], folder: Path) -> html.Page:
     first = [of for of in totals if of["condition"] == totals[0]["condition"]]
     page = html.Page(
         "EndoTwin control: following a bend in spite of the hysteresis",
-        f"{control['preset']}, {control['twins']} endoscopes",
+        f"{control['preset']}, {control['twins']} endoscope{'s' if control['twins'] > 1 else ''}",
         verb="control",
         intro=(_answer(first), *pictures[:1], _ranked(first, values["comparisons"])),
     )

@@ -94,9 +94,11 @@ def front_table(scores: Sequence[Score]) -> Markup:
     first, group = front[0], tables.group_name(front[0].group) if front[0].stroke_mm else ""
     note = (
         f"RMSE [deg]{f' on {group}' if group else ''}, T = {first.sample_time_s:g} s, {first.seeds} draws of "
-        "each noise. Bold: the best that can be deployed, and what its paired 95 % interval reaches."
+        "each noise; R in deg². Bold: the best that can be deployed, and all that paired 95 % intervals do "
+        "not exclude."
     )
-    return html.table(("method", *(noise_label(*of) for of in noises)), rows, note=note, numbers=True)
+    head = (noise_label(*of).replace(",", "").replace(" deg²", "") for of in noises)
+    return html.table(("method", *head), rows, note=note, numbers=True)
 
 
 def _error_cells(scores: Sequence[Score]) -> dict[tuple[str, Condition], html.Cell]:

@@ -378,7 +378,7 @@ def noise_figure(scores: Sequence[Score], width: float = PAGE) -> Figure:
         axes.set_title(noise_label(*noise).replace(", ", "\n"), fontsize=SMALL, color=INK, loc="left")
         _list_methods(axes, methods)
     drawn = [of for score in scores for of in (score.rmse_deg, score.paper_rmse_deg) if of]
-    low, high = min(0.7 * min(drawn), 0.9), max(1.4 * max(drawn), 1.1)
+    low, high = 0.9 * 10 ** np.floor(np.log10(0.9 * min(drawn))), max(1.4 * max(drawn), 1.1)
     ticks = [0.1, 1, 10] if columns > 3 or width < PAGE else [0.1, 0.3, 1, 3, 10]
     log_ticks(grid[0].xaxis, [tick for tick in (0.001, 0.01, *ticks, 100, 1000) if low < tick < high])
     grid[0].set_xlim(low, high)
