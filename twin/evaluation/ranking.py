@@ -98,10 +98,10 @@ def rank_methods(squares: Mapping[str, Array], oracles: Sequence[str] = ()) -> l
     if len(shapes) != 1:
         raise ValueError(f"runs of shapes {sorted(shapes)}: methods must be compared on the same ones")
     racing = [place for place, name in enumerate(squares) if competes(name, name in oracles)]
-    whole = _Errors([squares])
-    noises = [_Errors([{name: of[:, [c]] for name, of in squares.items()}]) for c in range(shapes.pop()[0])]
+    noises = _errors_by_noise([squares])
+    whole = _mean(noises)
     order = sorted(racing, key=lambda place: whole.log[place])
-    rank_intervals = _rank_intervals(whole, racing)
+    rank_intervals = _rank_intervals(whole, order)
     best_of = [min(racing, key=lambda place: noise.log[place], default=None) for noise in noises]
     winners = _winners(noises, best_of, racing)
     return [
@@ -130,7 +130,7 @@ def times_reference(
     Groups are like `squares` of `rank_methods`; the training runs of a method are the same in all. The ratio
     is of the geometric means over groups and noises; the interval is None where there is but one run.
     """
-    names, errors = list(groups[0]), _Errors(groups)
+    names, errors = list(groups[0]), _mean(_errors_by_noise(groups))
     one = names.index(reference)
     return {
         name: (float(np.exp(errors.log[place] - errors.log[one])), errors.interval(place, one))
@@ -138,31 +138,19 @@ def times_reference(
     }
 
 
+@dataclasses.dataclass(frozen=True)
 class _Errors:
-    """Errors of M methods over groups of records, and how they change with what is left out.
+    """Errors of M methods under one noise, or their means over several, and how they change.
 
     Attributes:
-        log: (M,) log of the geometric mean over groups and noises of the RMSE [deg].
+        log: (M,) log RMSE [deg].
         left_out: arrays (units, M) of its change, up to a constant, as one unit is left out: a record of a
             group (a draw, where there is one record), or a training run of one method. Empty where there is
             one run.
     """
 
-    def __init__(self, groups: Sequence[Mapping[str, Array]]):
-        names = list(groups[0])
-        columns = sum(group[names[0]].shape[1] for group in groups)
-        sums = [[_log_rmse(group[name]).sum() for name in names] for group in groups]
-        self.log: Array = np.sum(sums, axis=0) / columns
-        self.left_out: list[Array] = []
-        for group in groups:
-            axis = _RECORDS if group[names[0]].shape[_RECORDS] > 1 else _DRAWS
-            if group[names[0]].shape[axis] > 1:
-                without = [_log_rmse_without(group[name], axis) for name in names]
-                self.left_out.append(np.stack(without, axis=1) / columns)
-        for place, name in enumerate(names):
-            if len(groups[0][name]) > 1:
-                of_groups = [_log_rmse_without(group[name], _TRAININGS) for group in groups]
-                self.left_out.append(np.outer(np.sum(of_groups, axis=0), np.eye(len(names))[place]) / columns)
+    log: Array
+    left_out: list[Array]
 
     def difference(self, one: int, other: int | None) -> tuple[float, float, float]:
         """Return the log ratio of two errors, or one log error, its deviation and degrees of freedom."""
@@ -194,15 +182,42 @@ class _Errors:
         return 2 * float(stdtr(freedom, -abs(log) / deviation)) if deviation else 0.0
 
 
-def _rank_intervals(errors: _Errors, racing: Sequence[int]) -> dict[int, tuple[int, int]]:
+def _errors_by_noise(groups: Sequence[Mapping[str, Array]]) -> list[_Errors]:
+    """Return the errors under each noise of each group; units are in the same order in all of them."""
+    names, found = list(groups[0]), []
+    for group in groups:
+        log = np.stack([_log_rmse(group[name]) for name in names])  # (M, C)
+        left_out = []  # (units, M, C)
+        for other in groups:
+            axis = _RECORDS if other[names[0]].shape[_RECORDS] > 1 else _DRAWS
+            if (units := other[names[0]].shape[axis]) > 1:
+                left_out.append(np.zeros((units, *log.shape)))
+                if other is group:
+                    without = [_log_rmse_without(group[name], axis) for name in names]
+                    left_out[-1][:] = np.stack(without, axis=1)
+        for place, name in enumerate(names):
+            if (runs := len(group[name])) > 1:
+                left_out.append(np.zeros((runs, *log.shape)))
+                left_out[-1][:, place] = _log_rmse_without(group[name], _TRAININGS)
+        found += [_Errors(log[:, c], [of[..., c] for of in left_out]) for c in range(log.shape[1])]
+    return found
+
+
+def _mean(errors: Sequence[_Errors]) -> _Errors:
+    """Return the errors of geometric means."""
+    left_out = zip(*(of.left_out for of in errors), strict=True)
+    return _Errors(np.mean([of.log for of in errors], axis=0), [np.mean(of, axis=0) for of in left_out])
+
+
+def _rank_intervals(errors: _Errors, order: Sequence[int]) -> dict[int, tuple[int, int]]:
     """Return the interval of each rank: what is surely better comes before it, what is surely worse after."""
     if not errors.left_out:
         return {}
-    pairs = list(combinations(sorted(racing, key=lambda place: errors.log[place]), 2))
+    pairs = list(combinations(order, 2))
     holds = holm([errors.doubt(*pair) for pair in pairs])
     sure = [pair for pair, is_sure in zip(pairs, holds, strict=True) if is_sure]
     better, worse = (Counter(pair[side] for pair in sure) for side in (1, 0))
-    return {place: (1 + better[place], len(racing) - worse[place]) for place in racing}
+    return {place: (1 + better[place], len(order) - worse[place]) for place in order}
 
 
 def _winners(
@@ -235,6 +250,6 @@ def _log_rmse(squares: Array) -> Array:
 
 
 def _log_rmse_without(squares: Array, axis: int) -> Array:
-    """Return (n,) sums of `_log_rmse`, each without one of the n training runs, records or draws."""
+    """Return `_log_rmse` (n, C) without each of the n training runs, records or draws."""
     count = range(squares.shape[axis])
-    return np.array([_log_rmse(np.delete(squares, of, axis=axis)).sum() for of in count])
+    return np.array([_log_rmse(np.delete(squares, of, axis=axis)) for of in count])
