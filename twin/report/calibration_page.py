@@ -95,25 +95,22 @@ def calibration_page(path: Path) -> html.Page:
     return page
 
 
-def _error_over(fit: FitFile, index: str, rival: str = "") -> float | None:
-    """Return the RMSE over all logs that have one [deg]; of the twin, or of a model without physics."""
-    name = f"{rival}_{index}" if rival else index
-    known = [of.get(name) for of in fit.logs if of.get(index) is not None]
-    errors = [float(of) for of in known if of is not None]
-    return math.sqrt(sum(error**2 for error in errors) / len(errors)) if errors else None
+def _errors_over(fit: FitFile, index: str) -> dict[str, float]:
+    """Return the RMSE over all logs that have one [deg]: of the twin (""), and of models without physics."""
+    found = {}
+    for name in ("", *RIVALS):
+        known = [of.get(f"{name}_{index}" if name else index) for of in fit.logs if of.get(index) is not None]
+        if errors := [float(of) for of in known if of is not None]:
+            found[name] = math.sqrt(sum(error**2 for error in errors) / len(errors))
+    return found
 
 
 def _answer(fit: FitFile) -> Markup:
-    parts = []
-    for index, what in (
-        ("rmse_deg", "follows the logs"),
-        ("held_out_rmse_deg", "predicts what was not fitted"),
-    ):
-        if (error := _error_over(fit, index)) is not None:
-            parts.append(f"{what} within {error:.2f} deg")
-    rivals = {of: error for of in RIVALS if (error := _error_over(fit, "rmse_deg", of)) is not None}
-    best = min(rivals, key=rivals.__getitem__, default=None)
-    more = f"; the best model without physics, {_title(best)}, has {rivals[best]:.2f}" if best else ""
+    fitted, predicted = (_errors_over(fit, of) for of in ("rmse_deg", "held_out_rmse_deg"))
+    parts = [f"follows the logs within {fitted.pop(''):.2f} deg"] if fitted else []
+    parts += [f"predicts what was not fitted within {predicted['']:.2f} deg"] if predicted else []
+    best = min(fitted, key=fitted.__getitem__, default="")
+    more = f"; the best model without physics, {_title(best)}, has {fitted[best]:.2f}" if best else ""
     line = (
         f"The twin {' and '.join(parts)} (RMSE){more}." if parts else "The twin follows no log: it diverges."
     )
@@ -125,13 +122,12 @@ def _title(rival: str) -> str:
 
 
 def _next_steps(fit: FitFile, preset: Path, origin: Origin | None) -> Markup:
-    steps, error = [], _error_over(fit, "rmse_deg")
-    rivals = [of for rival in RIVALS if (of := _error_over(fit, "rmse_deg", rival)) is not None]
-    if error is not None and rivals and error > min(rivals):
+    steps, errors = [], _errors_over(fit, "rmse_deg")
+    if errors and errors[""] > min(errors.values()):
         steps.append(_NEARER)
     if fit.warnings:
         steps.append(_OPEN)
-    if _error_over(fit, "held_out_rmse_deg") is None:
+    if not _errors_over(fit, "held_out_rmse_deg"):
         steps.append(_UNPROVEN)
     steps.append(Markup("Train on twins of this preset; the gate then judges the result on your logs:"))
     logs = shlex.join(of.path for of in origin.data) if origin and origin.data else "data/measured"
