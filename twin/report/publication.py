@@ -146,7 +146,7 @@ def _cell(score: Score | None, field: str, *, bold: bool, brackets: bool) -> str
     value = f"{getattr(score, field):.{2 if brackets else 3}f}"
     shown = rf"\textbf{{{value}}}" if bold else value
     published = score.paper_rmse_deg if brackets else None
-    return shown if published is None else f"{shown} ({published + 1e-9:.2f})"
+    return shown if published is None else f"{shown} ({tables.paper_figure(published, 2)})"
 
 
 def _tex(text: str) -> str:

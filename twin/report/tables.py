@@ -172,9 +172,9 @@ def in_brackets(interval: tuple[float, float] | None, form: str) -> str:
     return "" if interval is None else f" ({interval[0]:{form}} to {interval[1]:{form}})"
 
 
-def paper_figure(published: float) -> str:
-    """Return a published figure to three decimals; the paper prints four, and a last 5 is rounded up."""
-    return f"{published + 1e-9:.3f}"
+def paper_figure(published: float, decimals: int = 3) -> str:
+    """Return a published figure, of which the paper prints four decimals; a last 5 is rounded up."""
+    return f"{published + 1e-9:.{decimals}f}"
 
 
 def published_value(score: Score, index: str) -> float | None:
