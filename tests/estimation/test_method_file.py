@@ -42,14 +42,17 @@ def own_table(monkeypatch):
 def test_the_example_is_in_tables_figures_and_results(tmp_path):
     model = ColemanHodgdon(1.15, 22.38, 5.0)
     (tmp_path / "model.json").write_text(json.dumps({"model": model.name, **model.to_dict()}))
-    words = f"evaluate {DATA} --model model.json --suite paper-only --seeds 2 --out results"
+    words = f"evaluate {DATA} --model model.json --suite paper-only --seeds 2 --format svg --out results"
     ended = typed(f"{words} --method-file {EXAMPLE}", tmp_path)
     assert ended.code == 0, ended.err
     results = json.loads((tmp_path / "results" / "evaluation.json").read_text())
     methods = [row["method"] for row in results["rows"]]
     assert {"AM", "Complementary"} <= {*methods}
     assert methods.count("Complementary") == methods.count("AM")
-    assert "Complementary" in (tmp_path / "results" / "tables.md").read_text()
+    for table in ("tables.md", "tables.tex"):
+        assert "Complementary" in (tmp_path / "results" / table).read_text()
+    drawn = {path.suffix for path in (tmp_path / "results").glob("rmse*")}
+    assert drawn == {".svg"}
     assert str(EXAMPLE) in [of["path"] for of in results["origin"]["data"]]
 
 

@@ -1,23 +1,21 @@
 """Files for papers: LaTeX compiles them, names are escaped, and every method has its source."""
 
 import dataclasses
-import json
 import re
 import shutil
 import subprocess
 import unicodedata
 
+import numpy as np
 import pytest
 from repository import REPOSITORY
-from scores import SCORE
-from typed import typed
+from scores import SCORE, track
 
 from twin.estimation.methods import METHODS
+from twin.evaluation.paper import TABLES
 from twin.files.assets import assets_folder
-from twin.hysteresis import ColemanHodgdon
-from twin.report.publication import NAMES, bibliography, latex_tables, methods_of
+from twin.report.publication import NAMES, bibliography, latex_tables, methods_of, write_publication
 
-DATA = REPOSITORY / "assets" / "samples" / "dataset"
 NAME = "50 % & [a]_x^2 {~} #1 $"
 PAPER = r"""\documentclass[twocolumn]{article}
 \usepackage[margin=0.65in,columnsep=0.2in]{geometry}
@@ -36,18 +34,19 @@ PAPER = r"""\documentclass[twocolumn]{article}
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    """A comparison with an estimator whose name is full of LaTeX's special characters."""
+    """The files of a comparison with a method whose name is full of LaTeX's special characters."""
     folder = tmp_path_factory.mktemp("paper")
-    model = ColemanHodgdon(1.15, 22.38, 5.0)
-    (folder / "model.json").write_text(json.dumps({"model": model.name, **model.to_dict()}))
-    filter_ = (REPOSITORY / "docs" / "examples" / "my_filter.py").read_text()
-    (folder / "mine.py").write_text(filter_.replace('"Complementary"', repr(NAME)))
-    words = (
-        f"evaluate {DATA} --model model.json --suite paper-only --seeds 2 --method-file mine.py --out results"
-    )
-    ended = typed(f"{words} --format pdf", folder)
-    assert ended.code == 0, ended.err
-    return folder / "results"
+    conditions = [(table.noise, level) for table in TABLES for level in table.values]
+    scores = [
+        dataclasses.replace(SCORE, noise=noise, level=level, method=method, paper_rmse_deg=2.0)
+        for noise, level in (*conditions, ("salt-and-pepper", 0.05))
+        for method in (NAME, "AM", "RAM", "RAM (twins), filter alone")
+    ]
+    time = np.arange(0, 20, 0.1)
+    truth = 20 * np.sin(time)
+    tracks = {("gaussian", 1.0): track(time, truth, truth, {"AM": truth, "RAM": truth})}
+    write_publication(folder, scores, tracks, [], ["pdf"])
+    return folder
 
 
 def test_figures_are_in_the_format_and_the_widths_of_a_paper(results):
@@ -59,7 +58,6 @@ def test_figures_are_in_the_format_and_the_widths_of_a_paper(results):
         assert width == pytest.approx(3.5 if "_column" in name else 7.2)
 
 
-@pytest.mark.slow
 def test_latex_takes_tables_figures_and_sources(results, tmp_path):
     latex = shutil.which("pdflatex") or shutil.which("tectonic")
     if latex is None:
