@@ -43,7 +43,7 @@ def own_table(monkeypatch):
     """A copy of the table, which a test may add to."""
     method_specs()
     monkeypatch.setattr(registry, "_SPECS", dict(registry._SPECS))
-    monkeypatch.setitem(METHODS, TOY.name, Presentation("filter", True, style=Style("#123456", "-", "8")))
+    monkeypatch.setitem(METHODS, TOY.name, Presentation("filter", True, style=Style("#123456", "-")))
 
 
 def test_every_method_has_one_row_of_the_table():

@@ -219,7 +219,7 @@ class ControllerSpec:
     ours: bool = False  # whether it is this project's own, with which the others are compared
     oracle: bool = False  # whether it knows the endoscope itself: a limit, not a rival
     # in figures
-    style: Style = dataclasses.field(default_factory=lambda: Style("#777777", "solid", ""))
+    style: Style = dataclasses.field(default_factory=lambda: Style("#777777", "solid"))
 
     def make(self, knowledge: ControlKnowledge) -> Controller:
         """Return a new controller, with what was tuned for it."""

@@ -12,11 +12,10 @@ Family = Literal["model", "filter", "set-membership filter", "tuned filter", "le
 
 @dataclasses.dataclass(frozen=True)
 class Style:
-    """Colour (`#rrggbb`), line style and marker of matplotlib, and line width [points] in figures."""
+    """Colour (`#rrggbb`), line style of matplotlib, and line width [points] in figures."""
 
     colour: str
     line: Any
-    marker: str
     width: float = 1.1
 
 
@@ -61,16 +60,16 @@ _TUNED = Presentation("tuned filter")
 _TUNED_ON_REQUEST = Presentation("tuned filter", on_request=True)
 
 METHODS: dict[str, Presentation] = {
-    "C-H": _paper("model", Style("#6f3fa0", (0, (6, 2, 1, 2)), "s"), 0, _TRACKING),
+    "C-H": _paper("model", Style("#6f3fa0", (0, (6, 2, 1, 2))), 0, _TRACKING),
     "C-H (monotone)": Presentation("model"),
     "Bouc-Wen": Presentation("model"),
     "P-I": Presentation("model"),
-    "AM": _paper("filter", Style("#e2861b", (0, (5, 1.5)), "^"), 1, _TRACKING),
+    "AM": _paper("filter", Style("#e2861b", (0, (5, 1.5))), 1, _TRACKING),
     "KF": Presentation("filter"),
     "UKF": Presentation("filter"),
     "ESMF": Presentation("set-membership filter"),
     "ESMF (geometry)": Presentation("set-membership filter"),
-    "AM-tuned": _paper("tuned filter", Style("#8a5a12", (0, (3, 1, 1, 1)), "v")),
+    "AM-tuned": _paper("tuned filter", Style("#8a5a12", (0, (3, 1, 1, 1)))),
     "AM-tuned (Q, R)": _TUNED,
     "AM-tuned (Bouc-Wen)": _TUNED,
     "UKF-tuned (Bouc-Wen)": _TUNED,
@@ -82,11 +81,11 @@ METHODS: dict[str, Presentation] = {
     "VB": _TUNED,
     "AM with bias": _TUNED,
     "Koopman": _TUNED,
-    "LSTM": _paper("learned", Style("#2f8f5b", (0, (1, 1)), "D", 1.4), 2, _TRACKING),
+    "LSTM": _paper("learned", Style("#2f8f5b", (0, (1, 1)), 1.4), 2, _TRACKING),
     "GRU": Presentation("learned"),
     "KalmanNet": Presentation("learned", in_paper_tables=True),
-    "Direct RL": _paper("learned", Style("#5f86b3", "-", "P", 0.9), figures=(5,)),
-    "RAM": _paper("learned", Style("#c4161c", "-", "o", 1.5), 3, (5, *_TRACKING), proposed=True),
+    "Direct RL": _paper("learned", Style("#5f86b3", "-", 0.9), figures=(5,)),
+    "RAM": _paper("learned", Style("#c4161c", "-", 1.5), 3, (5, *_TRACKING), proposed=True),
     "Constant gain": Presentation("tuned filter", in_paper_suite=True),
     "RAM (oracle)": _paper("learned"),
     "Own agent": _ON_REQUEST,
@@ -99,7 +98,7 @@ METHODS: dict[str, Presentation] = {
     "Recursive KalmanNet (twins)": _ON_REQUEST,
     "RAM (memory)": Presentation("learned"),
     "RAM (twins)": Presentation(
-        "learned", in_paper_tables=True, leading=True, style=Style("#14438b", "solid", "*", 1.6)
+        "learned", in_paper_tables=True, leading=True, style=Style("#14438b", "solid", 1.6)
     ),
     "RAM (twins), filter alone": Presentation("ensemble"),
     "Ensemble": Presentation("ensemble"),

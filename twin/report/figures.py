@@ -33,15 +33,15 @@ Array = NDArray[np.float64]
 INK, MUTED, GRID = "#1d232c", "#6b7480", "#e9ecf0"
 MEASUREMENT: dict[str, Any] = {"marker": "o", "markersize": 2.2, "markeredgewidth": 0, "color": "#a4abb4"}
 FIT_COLOUR, LOOP_COLOUR = "#6f3fa0", "#a9b1ba"
-TRUTH = Style("#000000", (0, (4, 2)), "", 1.2)
+TRUTH = Style("#000000", (0, (4, 2)), 1.2)
 COLUMN, PAGE = 3.5, 7.2  # widths of a column of a paper, and of its page [inches]
 START_SECONDS = 8.0
 """Length of the close-up of the start of a tracking figure, where the wrong initial estimate decays [s]."""
 PAPER_FIGURES = {5: ("gaussian", 1.0), 6: ("gaussian", 1.0), 7: ("gaussian", 5.0)}
 PAPER_FIGURES |= {8: ("poisson", 0.1), 9: ("poisson", 1.0), 10: ("poisson", 2.0)}
 """Noise and level by number in the paper; a method declares in which it is shown."""
-_GREYS = {"#30363d": "X", "#868f99": "<", "#52606d": ">", "#a2703f": "h", "#3b6d6d": "*"}
-_OTHER = tuple(Style(colour, (0, (2, 1)), marker) for colour, marker in _GREYS.items())
+_GREYS = ("#30363d", "#868f99", "#52606d", "#a2703f", "#3b6d6d")
+_OTHER = tuple(Style(colour, (0, (2, 1))) for colour in _GREYS)
 MOST_COLUMNS = {COLUMN: 3, PAGE: 6}  # noises side by side, by the width of the figure
 SMALL = 7.0  # letters of figures for papers [points]
 _PANELS = 3  # groups side by side, as there are strokes; one more fits where there is one line of them
@@ -237,7 +237,7 @@ def paper_figures(
         for method in methods:
             if score := by_method.get((noise, level, method)):
                 published = score.paper_rmse_deg
-                of_paper = "" if published is None else f" ({published + 1e-9:.2f})"
+                of_paper = "" if published is None else f" ({tables.paper_figure(published, 2)})"
                 notes[method] = f"{score.rmse_deg:.2f}{of_paper}"
         label = noise_label(noise, level)
         caption = f"As the paper's Fig. {number}: {', '.join(methods)} under {label}."

@@ -113,7 +113,7 @@ class LinearMap(Controller):
 
 LINEAR = register_controller(
     ControllerSpec(
-        "linear", 0, "only the line of the nominal twin", LinearMap, style=Style("#9a9a9a", "dotted", "")
+        "linear", 0, "only the line of the nominal twin", LinearMap, style=Style("#9a9a9a", "dotted")
     )
 )
 
@@ -164,7 +164,7 @@ PID = register_controller(
             "cutoff_hz": Setting(2.0, 0.2, 10.0),
             "clip_deg": Setting(3.0, 0.5, 20.0),
         },
-        style=Style("#d9822b", "solid", ""),
+        style=Style("#d9822b", "solid"),
     )
 )
 
@@ -182,7 +182,7 @@ ACTIVE_MODEL_PI = register_controller(
         "estimate of AM-tuned",
         active_model_pi,
         PI_SETTINGS,
-        style=Style("#1f5fa8", "solid", ""),
+        style=Style("#1f5fa8", "solid"),
     )
 )
 
@@ -204,6 +204,6 @@ RAM_TWINS_PI = register_controller(
         ram_twins_pi,
         PI_SETTINGS,
         needs="policy",
-        style=Style("#c77cb0", "dashed", ""),
+        style=Style("#c77cb0", "dashed"),
     )
 )

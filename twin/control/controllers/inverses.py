@@ -63,7 +63,7 @@ MODEL_INVERSE = register_controller(
         1,
         "the identified Coleman-Hodgdon model",
         ModelInverse,
-        style=Style("#8c6d31", "dashed", ""),
+        style=Style("#8c6d31", "dashed"),
     )
 )
 
@@ -89,7 +89,7 @@ class TwinInverse(Controller):
 
 TWIN_INVERSE = register_controller(
     ControllerSpec(
-        "twin-inverse", 2, "the nominal reduced twin", TwinInverse, style=Style("#4d7f4d", "dashed", "")
+        "twin-inverse", 2, "the nominal reduced twin", TwinInverse, style=Style("#4d7f4d", "dashed")
     )
 )
 
@@ -137,6 +137,6 @@ MEMBERS_INVERSE = register_controller(
         needs="policy",
         falls_back_on=ACTIVE_MODEL_PI.name,
         ours=True,
-        style=Style("#a3195b", "solid", "", 1.6),
+        style=Style("#a3195b", "solid", 1.6),
     )
 )

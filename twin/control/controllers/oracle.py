@@ -75,6 +75,6 @@ ORACLE = register_controller(
         "everything: the endoscope itself, without noise",
         Oracle,
         oracle=True,
-        style=Style("#1c1f24", "dotted", "", 1.2),
+        style=Style("#1c1f24", "dotted", 1.2),
     )
 )

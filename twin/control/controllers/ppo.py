@@ -168,6 +168,6 @@ PPO = register_controller(
         TrackingLaw,
         needs="tracking_policy",
         sample_time_of=lambda path: load_tracking_policy(path).sample_time,
-        style=Style("#2b8c8c", "dashdot", ""),
+        style=Style("#2b8c8c", "dashdot"),
     )
 )
