@@ -100,14 +100,14 @@ def test_the_papers_figures_have_its_numbers_methods_and_figures():
     assert list(paper_figures(tracks(NOISES[:1], ("C-H",)))) == [6]  # Fig. 5 has other methods
 
 
-def ranked(method, rmse, rank, to_best):
-    return MethodRank(method, rmse, (0.9 * rmse, 1.1 * rmse), rank, rank and (rank, rank + 1), to_best, ())
+def ranked(method, rmse, rank, best_rank, to_best):
+    return MethodRank(method, rmse, (0.9 * rmse, 1.1 * rmse), rank, rank and (best_rank, 3), to_best, ())
 
 
-FIRST = ranked("RAM (twins)", 0.32, 1, (1.0, 1.0))
-LEVEL = ranked("KalmanNet", 0.33, 2, (0.98, 1.1))
-WORSE = ranked("AM", 3.0, 3, (8.0, 11.0))
-APART = ranked("Ensemble", 0.2, None, (0.5, 0.7))
+FIRST = ranked("RAM (twins)", 0.32, 1, 1, (1.0, 1.0))
+LEVEL = ranked("KalmanNet", 0.33, 2, 1, (0.98, 1.1))
+WORSE = ranked("AM", 3.0, 3, 3, (8.0, 11.0))
+APART = ranked("Ensemble", 0.2, None, None, (0.5, 0.7))
 
 
 def test_rank_figure_has_a_panel_for_each_group_and_fills_the_level_ones():
@@ -151,7 +151,7 @@ SCORES = [
 
 def test_the_best_deployable_method_is_in_every_figure():
     best = "KalmanNet and bias (twins)"
-    rankings = [Ranking(0.1, (-1.0, 1.0), "nominal", (ranked(best, 0.3, 1, (1.0, 1.0)), WORSE))]
+    rankings = [Ranking(0.1, (-1.0, 1.0), "nominal", (ranked(best, 0.3, 1, 1, (1.0, 1.0)), WORSE))]
     figures = comparison_figures(SCORES, tracks(NOISES, (*METHODS, best)), rankings)
     assert len(figures) == 2 * (3 + 6)
     for name, figure in figures.items():

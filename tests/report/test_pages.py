@@ -78,7 +78,8 @@ def test_a_page_begins_with_the_best_method_that_can_be_deployed(tmp_path):
     path = make_evaluation(tmp_path / "results") / "evaluation.json"
     contents = json.loads(path.read_text())
     oracles = [
-        of | {"method": "RAM (oracle)", "oracle": True, "rmse_deg": 0.33} for of in contents["rows"][4::5]
+        of | {"method": "RAM (oracle)", "oracle": True, "rmse_deg": 0.33, "is_best": False}
+        for of in contents["rows"][4::5]
     ]
     path.write_text(json.dumps(contents | {"rows": contents["rows"] + oracles}))
     front = page_of(path.parent).partition("<nav")[0]

@@ -81,14 +81,16 @@ def test_names_are_escaped_the_best_is_bold_and_the_papers_figure_follows(result
         in (results / "tables.tex").read_text()
     )
     scores = [
-        dataclasses.replace(SCORE, method="RAM", rmse_deg=0.7, paper_rmse_deg=0.6354),
-        dataclasses.replace(SCORE, method="AM", rmse_deg=2.0, to_best_ci95=(2.0, 3.0)),
+        dataclasses.replace(SCORE, method="RAM", rmse_deg=0.7, paper_rmse_deg=0.6354, is_best=True),
+        dataclasses.replace(SCORE, method="AM", rmse_deg=2.0),
         dataclasses.replace(SCORE, method="RAM (oracle)", oracle=True, rmse_deg=0.1),
     ]
     first, gaussian = latex_tables(scores).split(r"\begin{table*}")[1:]
     assert r"RAM & \textbf{0.70} (0.64) \\" in first
     assert re.search(r"AM & 2.00 .*\n.*RAM & .*\n\\midrule\nRAM \(oracle\) & 0.10 ", first)
     assert r"RAM & 0.500 & \textbf{0.700} & 0.400 & 0.200 \\" in gaussian
+    level = [dataclasses.replace(of, is_best=False) for of in scores]
+    assert "textbf" not in latex_tables(level)  # as in Markdown and on the pages: another may be as good
 
 
 def test_every_method_has_a_source_and_only_those_in_use_are_written():

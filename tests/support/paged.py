@@ -12,6 +12,7 @@ from small_dataset import SMALL, changed, make
 from twin.episode import Record
 from twin.evaluation.paper import paper_value
 from twin.evaluation.protocol import Condition
+from twin.evaluation.ranking import MethodRank, Ranking
 from twin.evaluation.results import save_tracks
 from twin.files.origin import origin_of
 from twin.gate.check import Check, GateVerdict
@@ -52,6 +53,7 @@ def make_rows() -> list[dict]:
             rmse_deg=5.0 - rank,
             rmse_ci95_deg=(4.9 - rank, 5.1 - rank),
             paper_rmse_deg=paper_value(noise, level, method, "rmse_deg"),
+            is_best=method == METHODS[-1],
         ).to_dict()
         for noise, level in CONDITIONS
         for rank, method in enumerate(METHODS)
@@ -94,7 +96,9 @@ def make_evaluation(folder: Path, tracks: int = 1) -> Path:
     """Write the results of an evaluation."""
     folder.mkdir(parents=True, exist_ok=True)
     protocol = {"initial_error_deg": 15, "test_stroke_mm": [-1, 1]}
+    ranked = [MethodRank(name, 5.0 - k, None, 5 - k, None, None) for k, name in enumerate(METHODS)]
     contents = {"protocol": protocol, "rows": make_rows(), "origin": origin_of("endotwin evaluate a", [])}
+    contents["ranks"] = [Ranking(SCORE.sample_time_s, (), "", tuple(ranked)).to_dict()]
     (folder / "evaluation.json").write_text(json.dumps(contents))
     save_tracks(folder / "tracks.npz", dict(list(make_tracks().items())[:tracks]))
     return folder

@@ -74,7 +74,7 @@ def calibration_page(path: Path) -> html.Page:
     origin = stated_origin(values)
     stem = path.name.removesuffix(FIT_END)
     preset = path.with_name(f"{stem}.yaml")
-    picture = _picture(path.with_name(f"{stem}_fit.png"))
+    (picture,) = html.of_file(path.with_name(f"{stem}_fit.png"), lambda of: [html.figure(of, _CAPTION)])
     steps, (errors, *tensions) = _next_steps(fit, preset, origin), _errors(fit)
     shown = (html.side_by_side(picture, steps),) if len(fit.logs) < WIDE else (picture, steps)
     page = html.Page(
@@ -136,15 +136,6 @@ def _next_steps(fit: FitFile, preset: Path, origin: Origin | None) -> Markup:
     gate = f"endotwin gate runs/device/policy.onnx {logs} --preset {given} --out gate.html"
     title = html.text(Markup("<strong>What to do next</strong>"))
     return title + html.bullets(steps) + html.commands((train, gate))
-
-
-def _picture(path: Path) -> Markup:
-    if not path.is_file():
-        return html.gap(f"There is no {path.name} with this report.")
-    try:
-        return html.figure(path, _CAPTION)
-    except InputError as error:
-        return html.gap(f"{path.name} cannot be shown: {cut(error, 200)}.")
 
 
 def _errors(fit: FitFile) -> Sequence[Markup]:

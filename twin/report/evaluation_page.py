@@ -1,6 +1,5 @@
 """The page of an evaluation: the best method, errors by noise next to the paper's, and tracking."""
 
-import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,12 +8,10 @@ from markupsafe import Markup
 from twin.errors import InputError
 from twin.estimation.registry import method_spec
 from twin.evaluation.paper import TABLES, PaperTable, noise_label
-from twin.evaluation.protocol import Condition
-from twin.evaluation.ranking import MethodRank, Ranking, rankings_of
+from twin.evaluation.ranking import Ranking, rankings_of
 from twin.evaluation.results import load_tracks
 from twin.evaluation.score import Score, mean_coverage, read_evaluation
 from twin.files.origin import stated_origin
-from twin.files.shown import cut
 from twin.report import figures, tables
 from twin.report import page as html
 
@@ -39,25 +36,17 @@ def evaluation_page(path: Path) -> html.Page:
     page = html.Page(
         "EndoTwin evaluation: how well is the bending angle estimated?",
         "Estimators under noise",
-        intro=(answer(scores), front_table(scores)),
+        intro=(answer(scores), error_table(tables.front_scores(scores))),
     )
     page.add("Errors under every noise", *result_parts(scores, rankings))
     if groups := group_parts(scores, rankings):
         page.add("Every kind of record", *groups)
-    page.add("Tracking", *_tracking(path.with_name("tracks.npz"), scores))
+    tracks = path.with_name("tracks.npz")
+    page.add("Tracking", *html.of_file(tracks, lambda of: tracking_parts(of, scores)))
     stated = {"Protocol": html.flat_facts(contents["protocol"]), **html.origin_facts(origin)}
     repeat = html.origin_command(origin, str(path.parent)) or ("endotwin evaluate --help",)
     page.add_origin((*repeat, f"endotwin report {path.parent}"), stated)
     return page
-
-
-def _tracking(path: Path, scores: Sequence[Score]) -> Sequence[Markup]:
-    if not path.is_file():
-        return [html.gap(f"There is no {path.name} with these results.")]
-    try:
-        return tracking_parts(path, scores)
-    except InputError as error:
-        return [html.gap(f"{path.name} cannot be shown: {cut(error, 300)}.")]
 
 
 def answer(scores: Sequence[Score]) -> Markup:
@@ -80,40 +69,29 @@ def answer(scores: Sequence[Score]) -> Markup:
     return html.text(sentence, "headline")
 
 
-def front_table(scores: Sequence[Score]) -> Markup:
-    """Return the RMSE of a few methods under the paper's noises; oracles are last, and labelled."""
-    front = tables.front_scores(scores)
-    by_label = {score.label: score for score in front}
-    cells = _error_cells(front)
-    noises = list(dict.fromkeys(score.condition for score in front))
-    rows = []
-    for label in sorted(tables.mean_errors(front), key=lambda name: not tables.is_deployable(by_label[name])):
-        kind = "sees the true angle" if by_label[label].oracle else "a yardstick"
-        small = () if tables.is_deployable(by_label[label]) else (kind,)
-        rows.append((html.Cell(label, small), *(cells.get((label, of), "-") for of in noises)))
-    first, group = front[0], tables.group_name(front[0].group) if front[0].stroke_mm else ""
-    note = (
-        f"RMSE [deg]{f' on {group}' if group else ''}, T = {first.sample_time_s:g} s, {first.seeds} draws of "
-        "each noise; R in deg². Bold: the best that can be deployed, and all that paired 95 % intervals do "
-        "not exclude."
-    )
-    head = (noise_label(*of).replace(",", "").replace(" deg²", "") for of in noises)
-    return html.table(("method", *head), rows, note=note, numbers=True)
-
-
-def _error_cells(scores: Sequence[Score]) -> dict[tuple[str, Condition], html.Cell]:
-    """Return the RMSE by label and noise; the best are bold."""
-    noises = dict.fromkeys(score.condition for score in scores)
-    best = {noise: tables.best_methods(of for of in scores if of.condition == noise) for noise in noises}
-    return {
-        (of.label, of.condition): html.Cell(
-            f"{of.rmse_deg:.2f}", (), "best" if of.label in best[of.condition] else ""
-        )
+def error_table(scores: Sequence[Score]) -> Markup:
+    """Return the RMSE on one group of episodes under every noise; oracles and yardsticks are last."""
+    noises = list(dict.fromkeys(score.condition for score in scores))
+    by_label = {score.label: score for score in scores}
+    cells = {
+        (of.label, of.condition): html.Cell(f"{of.rmse_deg:.2f}", style="best" if of.is_best else "")
         for of in scores
     }
+    competing, others = [], []
+    for label in tables.mean_errors(scores):
+        row = [cells.get((label, noise), "-") for noise in noises]
+        if tables.is_deployable(by_label[label]):
+            competing.append((html.Cell(label), *row))
+        else:
+            kind = "sees the true angle" if by_label[label].oracle else "a yardstick"
+            others.append((html.Cell(label, (kind,)), *row))
+    setting = tables.setting(scores[0].group, scores[0].sample_time_s, scores[0].seeds)
+    note = f"RMSE [deg] on {setting}; R in deg². {tables.BOLD}"
+    head = (noise_label(*noise).replace(",", "").replace(" deg²", "") for noise in noises)
+    return html.table(("method", *head), competing + others, note=note, numbers=True)
 
 
-def result_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> list[Markup]:
+def result_parts(scores: Sequence[Score], rankings: Sequence[Ranking]) -> list[Markup]:
     """Return the errors under every noise as a figure and, folded, all methods and the paper's tables."""
     first = tables.protocol_scores(scores)
     caption = (
@@ -125,15 +103,16 @@ def result_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> l
         html.figure(
             figures.noise_figure(first), caption, f"{caption} Tables below hold the figures.", narrow
         ),
-        html.folded("All methods, ranked, and what they know", ranked_table(first, rankings)),
+        html.folded(
+            "All methods, ranked, and what they know", *ranked_table(first, rankings), error_table(first)
+        ),
     ]
     published = [part for of in TABLES for part in _paper_tables(first, of)]
-    if not published:
-        return [*parts, html.folded("All methods under every noise", _error_table(first))]
-    return [*parts, html.folded("The paper's Tables II and III", *published, html.text(EXPLAINED, "note"))]
+    more = html.folded("The paper's Tables II and III", *published, html.text(EXPLAINED, "note"))
+    return [*parts, more] if published else parts
 
 
-def group_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> list[Markup]:
+def group_parts(scores: Sequence[Score], rankings: Sequence[Ranking]) -> list[Markup]:
     """Return what the full suite adds: every group and sample time, and the distance to the limit."""
     parts: list[Markup] = []
     if ranked := figures.rankings_to_draw(rankings):
@@ -159,8 +138,7 @@ def group_parts(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> li
         parts.append(html.figure(figures.interval_figure(first), caption, narrow=narrow))
     for group, T in groups:
         own = tables.chosen_scores(scores, T, group)
-        name = f"{tables.group_name(group)}, T = {T:g} s"
-        parts.append(html.folded(name, ranked_table(own, rankings), _error_table(own)))
+        parts.append(html.folded(tables.setting(group, T), *ranked_table(own, rankings), error_table(own)))
     return parts
 
 
@@ -173,15 +151,17 @@ def tracking_parts(path: Path, scores: Sequence[Score]) -> list[Markup]:
     return [html.figure(*of, narrow=narrow[number][0]) for number, of in drawn.items()]
 
 
-def ranked_table(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> Markup:
-    """Return the methods on one group of episodes as a table, the least error first."""
+def ranked_table(scores: Sequence[Score], rankings: Sequence[Ranking]) -> list[Markup]:
+    """Return the methods on one group of episodes as a table, the least error first; none without ranks."""
     place = scores[0].sample_time_s, *scores[0].group
     ranking = next((of for of in rankings if (of.sample_time_s, of.stroke_mm, of.twin) == place), None)
+    if ranking is None:
+        return []
     by_label: dict[str, list[Score]] = {}
     for score in scores:
         by_label.setdefault(score.label, []).append(score)
     rows = []
-    for of in tables.by_error(ranking) if ranking else _ranked(by_label):
+    for of in tables.by_error(ranking):
         own = by_label.get(of.method, [])
         spec = method_spec(own[0].method if own else of.method)
         coverage = mean_coverage(own)
@@ -191,51 +171,26 @@ def ranked_table(scores: Sequence[Score], rankings: Sequence[Ranking] = ()) -> M
         ratio = "-" if of.to_best_ci95 is None else "{:.2f} to {:.2f}".format(*of.to_best_ci95)
         share = "-" if coverage is None else f"{100 * coverage:.0f}"
         rows.append((method, rank, error, ratio, share, f"{own[0].trainings}" if own else "-"))
-    head = ("method, and what it knows", "rank", "RMSE [deg]", "times the first", "coverage [%]")
-    title = f"Methods, {tables.group_name(scores[0].group)}" if scores[0].stroke_mm else "Methods"
-    return html.table((*head, "trainings"), rows, title=title, note=RANKED, cards=True, numbers=True)
+    head = ("method, and what it knows", "rank", "RMSE [deg]", "times the first", "coverage [%]", "trainings")
+    return [html.table(head, rows, title="Methods", note=RANKED, cards=True, numbers=True)]
 
 
 def _interval(interval: tuple[float, float] | None, form: str) -> tuple[str, ...]:
     return () if interval is None else (f"{interval[0]:{form}} to {interval[1]:{form}}",)
 
 
-def _ranked(by_label: dict[str, list[Score]]) -> list[MethodRank]:
-    most = max(len(own) for own in by_label.values())
-    complete = [own for own in by_label.values() if len(own) == most]
-    places, ranked = itertools.count(1), []
-    for label, error in tables.mean_errors([score for own in complete for score in own]).items():
-        racing = tables.is_deployable(by_label[label][0])
-        ranked.append(MethodRank(label, error, None, next(places) if racing else None, None, None))
-    return ranked
-
-
 def _paper_tables(scores: Sequence[Score], of: PaperTable) -> list[Markup]:
     parts = []
     for level in sorted({score.level for score in scores if score.noise == of.noise} & set(of.values)):
         rows = {score.label: score for score in scores if score.condition == (of.noise, level)}
-        best = tables.best_methods(rows.values())
-        cells = []
-        for name in tables.ordered(rows):
-            line = [_paper_cell(rows[name], index, name in best and index == "rmse_deg") for index in COLUMNS]
-            cells.append((name, *line))
+        cells = [(name, *(_paper_cell(rows[name], of) for of in COLUMNS)) for name in tables.ordered(rows)]
         title = f"{tables.table_title(of)}, {of.symbol} = {level:g}"
         parts.append(html.table(("method", *COLUMNS.values()), cells, title=title, numbers=True))
     return parts
 
 
-def _paper_cell(score: Score, index: str, best: bool) -> html.Cell:
+def _paper_cell(score: Score, index: str) -> html.Cell:
     ours = f"{getattr(score, index):.3f}".replace("-", "\N{MINUS SIGN}")
     published = tables.published_value(score, index)
-    return html.Cell(
-        ours, () if published is None else (f"({tables.paper_figure(published)})",), "best" if best else ""
-    )
-
-
-def _error_table(scores: Sequence[Score]) -> Markup:
-    noises, cells = list(dict.fromkeys(score.condition for score in scores)), _error_cells(scores)
-    names = tables.ordered(score.label for score in scores)
-    rows = [(name, *(cells.get((name, of), "-") for of in noises)) for name in names]
-    head = ("method", *(noise_label(*noise) for noise in noises))
-    title = f"RMSE [deg], {tables.group_name(scores[0].group)}" if scores[0].stroke_mm else "RMSE [deg]"
-    return html.table(head, rows, title=title, numbers=True)
+    small = () if published is None else (f"({tables.paper_figure(published)})",)
+    return html.Cell(ours, small, "best" if score.is_best and index == "rmse_deg" else "")

@@ -463,7 +463,7 @@ def rank_figure(rankings: Sequence[Ranking], width: float = PAGE) -> Figure:
     _label_below(
         figure,
         "RMSE in units of the first's, geometric mean over noises, paired 95 % interval; "
-        "filled: level with the first; diamonds do not compete",
+        "filled: no other is better beyond doubt; diamonds do not compete",
     )
     return figure
 
@@ -475,8 +475,8 @@ def _label_below(figure: Figure, label: str) -> None:
 
 
 def is_level(of: MethodRank) -> bool:
-    """Return whether a method competes, and is the first or level with it."""
-    return of.rank is not None and (of.rank == 1 or of.to_best_ci95 is None or of.to_best_ci95[0] <= 1)
+    """Return whether a method competes, and no other is better beyond doubt."""
+    return of.rank is not None and (of.rank_ci95 is None or of.rank_ci95[0] == 1)
 
 
 def interval_figure(scores: Sequence[Score], width: float = PAGE) -> Figure:

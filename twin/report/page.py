@@ -8,7 +8,7 @@ import base64
 import dataclasses
 import re
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -205,6 +205,16 @@ def gap(sentence: str, command: str = "") -> Markup:
     """Return a note that something is missing, and the command that makes it."""
     makes = Markup(" This makes it: <code>{}</code>").format(command) if command else ""
     return text(Markup("{}{}").format(sentence, makes), "gap")
+
+
+def of_file(path: Path, show: Callable[[Path], Sequence[Markup]]) -> Sequence[Markup]:
+    """Return what shows a file, or a note that it is missing or damaged."""
+    if not path.is_file():
+        return [gap(f"There is no {path.name} with these results.")]
+    try:
+        return show(path)
+    except InputError as error:
+        return [gap(f"{path.name} cannot be shown: {cut(error, 300)}.")]
 
 
 def commands(lines: Sequence[str]) -> Markup:

@@ -75,14 +75,12 @@ class _Column(NamedTuple):
 def latex_tables(scores: Sequence[Score]) -> str:
     """Return the RMSE under every noise, and the paper's tables, in LaTeX for the package booktabs.
 
-    The best methods that can be deployed are bold; oracles and yardsticks stand below a line.
+    Oracles and yardsticks stand below a line.
     """
     first = tables.protocol_scores(scores)
     noises = list(dict.fromkeys(score.condition for score in first))
-    group = f"{tables.group_name(first[0].group)}, " if first[0].stroke_mm else ""
-    setting = f"{group}T = {first[0].sample_time_s:g} s, {first[0].seeds} draws of each noise"
-    bold = "Bold: the best that can be deployed, and its equals."
-    caption = f"RMSE [deg] on {setting}; R in deg². {bold}"
+    setting = tables.setting(first[0].group, first[0].sample_time_s, first[0].seeds)
+    caption = f"RMSE [deg] on {setting}; R in deg². {tables.BOLD}"
     if any(score.paper_rmse_deg is not None for score in first):
         caption += " In brackets: the RAM paper, on another endoscope."
     named = [(noise, noise_label(*noise).partition(", ")) for noise in noises]
@@ -98,21 +96,17 @@ def latex_tables(scores: Sequence[Score]) -> str:
             if (table.noise, level) in noises
         ]
         if columns:
-            caption = f"{table.noise.capitalize()} noise on {setting}: errors [deg], and Var [deg²]. {bold}"
-            parts.append(_table(table.noise, caption, first, columns))
+            caption = f"{table.noise.capitalize()} noise on {setting}: errors [deg], and Var [deg²]."
+            parts.append(_table(table.noise, f"{caption} {tables.BOLD}", first, columns))
     return "\n\n".join(parts) + "\n"
 
 
 def _table(label: str, caption: str, scores: Sequence[Score], columns: Sequence[_Column]) -> str:
     """Return a table of methods by columns; `scores` are those of one group of episodes."""
     cells = {(score.label, score.condition): score for score in scores}
-    best = {of.noise: tables.best_methods(s for s in scores if s.condition == of.noise) for of in columns}
     lines: dict[bool, list[str]] = {True: [], False: []}
     for name in tables.ordered(score.label for score in scores):
-        row = [_tex(name)]
-        for of in columns:
-            bold = of.field == "rmse_deg" and name in best[of.noise]
-            row.append(_cell(cells.get((name, of.noise)), of.field, bold=bold, brackets=label == "rmse"))
+        row = [_tex(name), *(_cell(cells.get((name, of.noise)), of.field, label == "rmse") for of in columns)]
         deployable = any(tables.is_deployable(score) for score in scores if score.label == name)
         lines[deployable].append(" & ".join(row) + r" \\")
     above, rules, place = [], [], 2
@@ -140,11 +134,11 @@ def _table(label: str, caption: str, scores: Sequence[Score], columns: Sequence[
     )
 
 
-def _cell(score: Score | None, field: str, *, bold: bool, brackets: bool) -> str:
+def _cell(score: Score | None, field: str, brackets: bool) -> str:
     if score is None:
         return "--"
     value = f"{getattr(score, field):.{2 if brackets else 3}f}"
-    shown = rf"\textbf{{{value}}}" if bold else value
+    shown = rf"\textbf{{{value}}}" if score.is_best and field == "rmse_deg" else value
     published = score.paper_rmse_deg if brackets else None
     return shown if published is None else f"{shown} ({tables.paper_figure(published, 2)})"
 

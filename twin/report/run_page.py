@@ -27,9 +27,10 @@ from twin.hysteresis import ColemanHodgdon, HysteresisModel, load_model
 from twin.preset.file import preset_of
 from twin.recording import read_dataset
 from twin.report import page as html
-from twin.report.evaluation_page import answer, front_table, result_parts, tracking_parts
+from twin.report.evaluation_page import answer, error_table, result_parts, tracking_parts
 from twin.report.figures import loop_figure, training_figure
 from twin.report.player import bending_schematic, player
+from twin.report.tables import front_scores
 
 Value = TypeVar("Value")
 MOST_TEXT = MEBIBYTE  # size that is read of files of settings and curves [bytes]
@@ -93,11 +94,11 @@ def run_page(folder: Path) -> html.Page:
         return tracking_parts(path, evaluation()[0] if there else [])
 
     picture = shown("bend.png", lambda path: [html.figure(path, _POSES)])
-    known = _known(evaluation)
+    scores, _ = _known(evaluation) or ([], {})
     page = html.Page(
         "EndoTwin: a digital twin of a tendon-driven flexible endoscope",
         "Hysteresis, and how well it is estimated",
-        intro=(answer(known[0]), *picture, front_table(known[0])) if known and known[0] else tuple(picture),
+        intro=(answer(scores), *picture, error_table(front_scores(scores))) if scores else tuple(picture),
     )
     page.add("Errors under every noise", *shown("results/evaluation.json", results))
     page.add("Tracking", *shown("results/tracks.npz", tracking))

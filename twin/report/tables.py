@@ -30,6 +30,11 @@ INDEX_LABELS = {
     "var_deg2": "Var [deg²]",
     "bias_deg": "bias [deg]",
 }
+BOLD = (
+    "Bold: better than every other method that can be deployed, in paired tests at 5 % for all noises of "
+    "these records together."
+)
+"""What a figure in bold means in every table: `Score.is_best`."""
 MOST_FRONT = 9  # methods that a first look has room for
 Row = dict[str, Any]  # a bound or an interval, as `evaluation.json` holds it
 
@@ -103,21 +108,6 @@ def best_deployable(scores: Sequence[Score]) -> str | None:
     return next(iter(mean_errors([score for score in scores if is_deployable(score)])), None)
 
 
-def best_methods(scores: Iterable[Score]) -> set[str]:
-    """Return the labels in bold under one noise: the least RMSE that can be deployed, and its equals.
-
-    A method is equal where the paired 95 % interval of its error, in units of the least, reaches 1.
-    """
-    racing = sorted((of for of in scores if is_deployable(of)), key=lambda of: of.rmse_deg)
-    level = [of for of in racing[1:] if of.to_best_ci95 is not None and of.to_best_ci95[0] <= 1]
-    return {of.label for of in (*racing[:1], *level)}
-
-
-def clear_best(scores: Iterable[Score]) -> str | None:
-    """Return the label of the best method under a noise; None where another may be as good."""
-    return next((score.label for score in scores if score.is_best), None)
-
-
 def is_limit(method: str) -> bool:
     """Return whether a method is the limit that others are measured against."""
     spec = method_spec(method)
@@ -151,7 +141,13 @@ def times_the_limit(
 def group_name(group: Group) -> str:
     """Return the name of a group of episodes: the kind of twin and the stroke."""
     stroke, twin = group
-    return f"{twin}, [{', '.join(f'{end:g}' for end in stroke)}] mm"
+    return f"{twin}, [{', '.join(f'{end:g}' for end in stroke)}] mm" if stroke else twin
+
+
+def setting(group: Group, sample_time_s: float, seeds: int = 0) -> str:
+    """Return what the scores of a table share: records, sample time and, if given, draws of noise."""
+    draws = f"{seeds} draws of each noise" if seeds else ""
+    return ", ".join(filter(None, (group_name(group), f"T = {sample_time_s:g} s", draws)))
 
 
 def twin_name(twin: str) -> str:
@@ -192,7 +188,7 @@ def paper_table(
 ) -> str:
     """Return Table II (`noise` = gaussian) or III (poisson): a line per level and index, a column per method.
 
-    Cells are as `0.700 (paper 0.635)`; the clear best of each line of RMSE is bold in Markdown. The sample
+    Cells are as `0.700 (paper 0.635)`; in Markdown, an RMSE that `is_best` is bold. The sample
     time is the longest, if not given. Empty where no score belongs to the table.
     """
     table = next((table for table in TABLES if table.noise == noise), None)
@@ -202,22 +198,20 @@ def paper_table(
     cells = {(score.level, score.label): score for score in chosen}
     methods = ordered(score.label for score in chosen)
 
-    def cell(score: Score | None, index: str, bold: str | None) -> str:
+    def cell(score: Score | None, index: str) -> str:
         if score is None:
             return "-"
         ours = f"{getattr(score, index):.3f}"
-        ours = f"**{ours}**" if score.label == bold else ours
+        ours = f"**{ours}**" if score.is_best and index == "rmse_deg" and fmt == "markdown" else ours
         published = published_value(score, index)
         return ours if published is None else f"{ours} (paper {paper_figure(published)})"
 
     lines = []
     for level in sorted({level for level, _ in cells} & set(table.values)):
         rows = [cells.get((level, method)) for method in methods]
-        best = clear_best(score for score in rows if score is not None)
         for place, (index, label) in enumerate(INDEX_LABELS.items()):
-            bold = best if index == "rmse_deg" and fmt == "markdown" else None
             name = "" if place else f"{table.symbol} = {level:g}"
-            lines.append([name, label, *(cell(score, index, bold) for score in rows)])
+            lines.append([name, label, *(cell(score, index) for score in rows)])
     return aligned_table(lines, ["noise", "index", *methods], left=2, fmt=fmt) if lines else ""
 
 
@@ -291,17 +285,17 @@ def comparison_tables(
     overall = "RMSE [deg], geometric mean over noises and strokes, T = {:g} s"
     parts = {overall.format(T): overall_table(scores, T, costs) for T in times}
     for T in times:
-        title = f"RMSE [deg] ± half its {over}, {group_name(first)}, T = {T:g} s"
+        title = f"RMSE [deg] ± half its {over}, {setting(first, T)}"
         parts[title] = _noise_table(chosen_scores(scores, T, first), "rmse_deg")
-    title = f"RMSE [deg] after the first 5 s, {group_name(first)}, T = {longest:g} s"
+    title = f"RMSE [deg] after the first 5 s, {setting(first, longest)}"
     parts[title] = _noise_table(chosen_scores(scores, longest, first), "rmse_steady_deg")
     for ranking in rankings:
-        place = f"{group_name((ranking.stroke_mm, ranking.twin))}, T = {ranking.sample_time_s:g} s"
+        place = setting((ranking.stroke_mm, ranking.twin), ranking.sample_time_s)
         parts[f"Ranks by the geometric mean over noises, {place}"] = rank_table(ranking)
     for T in times if has_limit(scores) else ():
         parts[f"Times the limit: geometric mean over noises, T = {T:g} s"] = _limit_table(scores, T)
     for T in times:
-        title = f"95 % intervals: share [%] that held the truth, {group_name(first)}, T = {T:g} s"
+        title = f"95 % intervals: share [%] that held the truth, {setting(first, T)}"
         parts[title] = interval_table(chosen_scores(scores, T, first))
     parts["Trainings that differ in their seed alone: geometric mean over noises [deg]"] = trainings
     title = "The limit over randomised twins, and the Cramér-Rao bound of normal twins [deg]"
@@ -357,12 +351,9 @@ def _ends(interval: tuple[float, float] | None) -> str:
 def _noise_table(scores: Sequence[Score], index: str) -> str:
     noises = list(dict.fromkeys(score.condition for score in scores))
     cells = {(score.method, score.condition): score for score in scores}
-    best = {noise: clear_best(of for of in scores if of.condition == noise) for noise in noises}
 
     def cell(of: Score) -> str:
-        if index != "rmse_deg":
-            return f"{getattr(of, index):.3f}"
-        return f"**{_rmse(of)}**" if best[of.condition] == of.label else _rmse(of)
+        return _rmse(of) if index == "rmse_deg" else f"{getattr(of, index):.3f}"
 
     lines = []
     for method in dict.fromkeys(score.method for score in scores):
@@ -373,7 +364,8 @@ def _noise_table(scores: Sequence[Score], index: str) -> str:
 
 def _rmse(score: Score) -> str:
     low, high = score.rmse_ci95_deg
-    return f"{score.rmse_deg:.3f} ± {(high - low) / 2:.3f}"
+    error = f"{score.rmse_deg:.3f} ± {(high - low) / 2:.3f}"
+    return f"**{error}**" if score.is_best else error
 
 
 def _limit_table(scores: Sequence[Score], T: float) -> str:
@@ -476,33 +468,23 @@ def condition_pages(scores: Sequence[Score]) -> dict[str, str]:
 def _page(scores: Sequence[Score], condition: Condition) -> str:
     kind, level = condition
     variance = level if kind == RECORDED else noise_variance(kind, level)
-    filters = f"Filters are given R = {variance:.3g} deg^2."
-    bold = (
-        "A figure in bold is below that of every other method that competes, beyond its paired 95 % interval."
-    )
-    parts = [f"# {noise_label(*condition)}", f"{filters} {bold}"]
+    parts = [f"# {noise_label(*condition)}", f"Filters are given R = {variance:.3g} deg^2. {BOLD}"]
     times = sorted({score.sample_time_s for score in scores}, reverse=True)
     for group in groups_of(scores):
         for T in times:
             of = [score for score in chosen_scores(scores, T, group) if score.condition == condition]
             if of:
-                parts += [f"## {group_name(group)}, T = {T:g} s", _condition_table(of)]
+                parts += [f"## {setting(group, T)}", _condition_table(of)]
     return "\n\n".join(parts) + f"\n\n<!-- {MADE_BY} -->\n"
 
 
 def _condition_table(scores: Sequence[Score]) -> str:
-    best = clear_best(scores)
     lines = []
     for score in sorted(scores, key=lambda of: of.rmse_deg):
-        spec, error = method_spec(score.method), _rmse(score)
-        line = [score.label, spec.knows if spec else "-"]
-        line += [f"**{error}**" if score.label == best else error, _ends(score.to_best_ci95)]
-        line += [
-            f"{score.rmse_steady_deg:.3f}",
-            _percent(score.coverage95),
-            _figure(score.width95_deg, ".2f"),
-        ]
-        lines.append(line)
+        spec = method_spec(score.method)
+        line = [score.label, spec.knows if spec else "-", _rmse(score), _ends(score.to_best_ci95)]
+        line += [f"{score.rmse_steady_deg:.3f}", _percent(score.coverage95)]
+        lines.append([*line, _figure(score.width95_deg, ".2f")])
     headers = ["method", "knows", "RMSE [deg]", "times the best", "after 5 s [deg]"]
     return aligned_table(lines, [*headers, "coverage [%]", "width [deg]"], left=2)
 
