@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 
+import nbformat
 import pytest
 from browser import WIDTHS, open_browser
 from repository import REPOSITORY
@@ -70,10 +71,26 @@ def test_nothing_is_loaded_from_elsewhere(site):
         )
 
 
+@pytest.mark.slow
+def test_every_link_of_a_notebook_opens_in_the_site(site):
+    links = [
+        (notebook.name, address)
+        for notebook in site.rglob("*.ipynb")
+        for cell in nbformat.read(notebook, 4).cells
+        if cell.cell_type == "markdown"
+        for address in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", cell.source)
+    ]
+    assert len(links) > 6
+    for name, address in links:
+        assert not address.endswith(".md"), (name, address)
+        assert (site / "tutorials" / address).is_file(), (name, address)
+
+
 def test_every_document_is_in_the_navigation():
     named = set(build.nav_pages())
     documents = {str(path.relative_to(REPOSITORY / "docs")) for path in (REPOSITORY / "docs").rglob("*.md")}
     assert {name for name in documents if not name.startswith("site/")} <= named
+    assert {f"tutorials/{path.stem}.md" for path in (REPOSITORY / "docs/tutorials").glob("*.py")} <= named
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ notebooks, and the reference, made from the code. Then Zensical builds FOLDER/si
 a dead link, ends the build.
 """
 
+import functools
 import os
 import re
 import shutil
@@ -57,7 +58,9 @@ def gather(folder: Path) -> None:
     for name, text in made.items():
         links.write_page(text, documents / name, folder / name, folder, AT_ROOT)
     for path in tutorials.FOLDER.glob("*.py"):
-        (folder / "tutorials" / f"{path.stem}.ipynb").write_text(tutorials.notebook(path))
+        target = folder / "tutorials" / f"{path.stem}.ipynb"
+        place = {"source": path, "target": target, "folder": folder, "at_root": AT_ROOT, "end": ".html"}
+        target.write_text(tutorials.notebook(path, functools.partial(links.linked, **place)))
     for name in ("site.css", "site.js"):
         shutil.copy(SITE / name, folder / name)
 

@@ -15,14 +15,23 @@ _FENCE = re.compile(r"(```.*?```|`[^`\n]+`)", re.DOTALL)
 
 
 def write_page(text: str, source: Path, target: Path, folder: Path, at_root: Mapping[str, str]) -> None:
-    """Write a document of the repository as a page of the site.
+    """Write a document of the repository as a page of the site; arguments as for `linked`."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(with_math(linked(text, source, target, folder, at_root)))
+
+
+def linked(
+    text: str, source: Path, target: Path, folder: Path, at_root: Mapping[str, str], end: str = ".md"
+) -> str:
+    """Return a document of the repository with links that hold in the site.
 
     Args:
         text: of the document.
         source: where it stands in the repository, or would stand.
-        target: the page.
+        target: its file in the site.
         folder: of all pages.
         at_root: documents outside docs/, and their names in the site.
+        end: of the names of pages in links.
     """
 
     def moved(found: re.Match[str]) -> str:
@@ -32,12 +41,11 @@ def write_page(text: str, source: Path, target: Path, folder: Path, at_root: Map
         if (source.parent / address).is_dir():  # folders are no pages: what is said of one stays
             return found[1].strip("[](")
         place = _place(source.parent / address, folder, at_root)
+        place = place.with_suffix(end) if place.suffix == ".md" else place
         return f"{found[1]}{os.path.relpath(place, target.parent)}{mark}{anchor}{found[3]}"
 
     parts = _FENCE.split(text)
-    linked = "".join(part if number % 2 else _LINK.sub(moved, part) for number, part in enumerate(parts))
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(with_math(linked))
+    return "".join(part if number % 2 else _LINK.sub(moved, part) for number, part in enumerate(parts))
 
 
 def _place(path: Path, folder: Path, at_root: Mapping[str, str]) -> Path:

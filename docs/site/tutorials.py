@@ -14,6 +14,7 @@ import shutil
 import sys
 import tempfile
 import types
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +51,15 @@ def page(path: Path) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def notebook(path: Path) -> str:
-    """Return a tutorial as a Jupyter notebook, with what its cells print and show."""
+def notebook(path: Path, linked: Callable[[str], str] = str) -> str:
+    """Return a tutorial as a Jupyter notebook, with what its cells print and show.
+
+    `linked` returns the text of a cell with links that hold where the notebook is written.
+    """
     content = jupytext.read(path)
     for cell in content.cells:
+        if cell.cell_type == "markdown":
+            cell.source = linked(cell.source)
         if cell.cell_type == "code":
             cell.source, printed = split(cell.source)
             if text := [f"{line}\n" for line in printed if not _FIGURE.fullmatch(line)]:
