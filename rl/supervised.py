@@ -78,7 +78,7 @@ def train_network(
     """
     assert spec.training is not None
     path = folder / spec.training.file
-    configuration = run_configuration(records, active_model, training)
+    configuration = {"agent": spec.training.agent, **run_configuration(records, active_model, training)}
     with open_run(folder, configuration, (path.name,)):
         if not path.is_file():
             torch.set_num_threads(1)  # the networks are small
@@ -101,8 +101,8 @@ def train_network(
             write_curve(folder, curve)
             # Written last: the run is finished if this file exists.
             deployed = with_deployment(configuration, records, active_model, training.seed)
-            step, contents = lesson.deployed(), {"agent": spec.training.agent, **deployed}
-            export_step(step, dict.fromkeys(step.inputs, ()), step.state, contents, path)
+            step = lesson.deployed()
+            export_step(step, dict.fromkeys(step.inputs, ()), step.state, deployed, path)
     return path
 
 

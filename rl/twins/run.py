@@ -88,6 +88,7 @@ def train_on_twins(
     check_members([preset])
     check_reached(preset, settings.stroke_mm)
     configuration = {
+        "agent": learner.training.agent,
         "training": json.loads(json.dumps(dataclasses.asdict(settings))),
         "preset": preset.to_dict(),
         "ranges": ranges.to_dict(),
@@ -158,7 +159,6 @@ def _train(
     sample_time = SAMPLE_TIME * STRIDES[0]
     deployment = prepare_deployment(nominal, identify_steps(nominal), sample_time, settings.seed)
     description = {
-        "agent": learner.training.agent,
         **configuration,
         DEPLOYMENT: deployment.to_dict(),
         SENSOR: SensorModel.of(preset).to_dict(),

@@ -9,6 +9,7 @@ import briefly
 import numpy as np
 import pytest
 import torch
+import yaml
 from exported import filtered_by_both
 from repository import REPOSITORY
 from scipy import stats
@@ -33,6 +34,7 @@ from twin.estimation.learned.step import ALL_PARTS, FILTER_ALONE
 from twin.estimation.learned.trained_file import read_trained_file
 from twin.estimation.load import load_estimator
 from twin.reduced.members import members_to_dict
+from twin.report.report import write_report
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -108,6 +110,14 @@ def test_a_training_writes_what_it_was_and_a_finished_one_stays(trained):
     assert path.stat().st_mtime_ns == before
     with pytest.raises(ValueError, match="another configuration"):
         train_ram_twins(*twins(), shorter(seed=2), path.parent)
+
+
+def test_the_folder_of_a_training_names_its_agent_in_its_page_and_for_the_gate(trained, tmp_path):
+    path, _ = trained
+    assert "<h1>ram-twins: " in write_report(path.parent, tmp_path / "report.html").read_text()
+    configuration = yaml.safe_load((path.parent / "config.yaml").read_text())
+    file = read_trained_file(path)
+    assert configuration.items() <= {"agent": file.agent, **file.description}.items()
 
 
 def test_intervals_of_gaussian_errors_are_those_of_the_normal_law():

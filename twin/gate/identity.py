@@ -88,7 +88,7 @@ def configured(material: GateMaterial) -> Check:
         return Check(said=cut(str(error), 150), bar=0.0, relation="equal", unit="entries", holds=False)
     if not isinstance(values, Mapping) or not values:
         return not_shown(f"{CONFIGURATION_FILE} next to the file has no configuration", WITH_FOLDER)
-    in_file = material.file.description
+    in_file = {"agent": material.file.agent, **material.file.description}
     rows = [
         {"entry": name, "file": "differs" if name in in_file else "is missing"}
         for name, value in values.items()

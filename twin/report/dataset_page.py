@@ -33,20 +33,18 @@ def dataset_page(path: Path) -> html.Page:
     folder = path.parent
     contents = read_contents(folder)
     first = contents.files[0]
-    page = html.Page(
-        "EndoTwin dataset: hysteresis of a tendon-driven flexible endoscope", folder.resolve().name
-    )
-    size = [
-        ("source", _SOURCES[contents.source]),
-        ("episodes", f"{contents.episodes}"),
-        ("seconds", f"{contents.seconds:.4g}"),
-    ]
+    plural = "s" if contents.episodes > 1 else ""
+    sentence = f"{contents.episodes} episode{plural}, {contents.seconds:.4g} s: {_SOURCES[contents.source]}"
     if bend := contents.statistics.get("truth_deg"):
-        size.append(("bending angle", _signed(f"{bend.min:z.0f} to {bend.max:z.0f} deg")))
-    shown = [html.facts({"": size}), player(read_episode(folder / first.name), first.name)]
+        sentence += _signed(f"; the tip bends from {bend.min:z.0f} to {bend.max:z.0f} deg")
+    shown = [text(f"{sentence}.", "headline"), player(read_episode(folder / first.name), first.name)]
     if (folder / FIGURE).is_file():
         shown.append(html.figure(folder / FIGURE, _LOOPS))
-    page.add("What it looks like", *shown)
+    page = html.Page(
+        "EndoTwin dataset: hysteresis of a tendon-driven flexible endoscope",
+        folder.resolve().name,
+        intro=tuple(shown),
+    )
     page.add("What varies", html.bullets(_varying(folder, contents)))
     page.add("What each file holds", _features(contents))
     page.add("Files", *_files(contents))

@@ -66,7 +66,8 @@ class Page:
             (re.sub(r"[^a-z0-9]+", "-", heading.lower()).strip("-"), heading, parts)
             for heading, parts in self.sections
         ]
-        has_player = any('class="player"' in part for _, parts in self.sections for part in parts)
+        shown = [*self.intro, *(part for _, parts in self.sections for part in parts)]
+        has_player = any('class="player"' in part for part in shown)
         template = environment.get_template("page.html.j2")
         write_whole(path, template.render(page=self, sections=sections, has_player=has_player))
         return path
