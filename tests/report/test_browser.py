@@ -1,7 +1,7 @@
 """Pages in a browser, at the widths of a telephone and a desk: nothing is broken, fetched or cut off."""
 
 import pytest
-from browser import WIDTHS
+from browser import HEIGHT, WIDTHS
 from paged import EVERY_KIND, make_dataset
 
 from twin.report.report import write_report
@@ -30,6 +30,8 @@ def test_a_page_has_no_fault_and_its_slider_moves(browser, tmp_path, undrawn):
 def test_no_page_has_a_fault(browser, pages, kind, width):
     """No console error, no request, every image decoded, no overflow, WCAG AA (contrast, alternatives)."""
     assert browser.faults(pages[kind], width) == []
+    answer = "return document.querySelector('header .headline').getBoundingClientRect().bottom"
+    assert browser.ask(answer) < HEIGHT  # the answer is on the first screen
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from selenium.webdriver.chrome.service import Service
 
 WIDTHS = (390, 1280)
 """Widths of a telephone and of a desk's screen [pixels]."""
+HEIGHT = 900  # of both [pixels]
 _FLAGS = [
     "headless=new",
     "no-sandbox",
@@ -64,7 +65,7 @@ class Browser:
 
     def open(self, page: Path | str, width: int) -> None:
         """Open a page at a width."""
-        metrics = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+        metrics = {"width": width, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
         self.driver.get(page.resolve().as_uri() if isinstance(page, Path) else page)
 
@@ -75,11 +76,12 @@ class Browser:
     def faults(self, page: Path | str, width: int, served: str = "file:", *, axe: bool = True) -> list[str]:
         """Open a page at a width; return its faults, a line each, by axe-core too.
 
-        Addresses that begin with `served` are no network.
+        Folded parts are opened. Addresses that begin with `served` are no network.
         """
         self.driver.get_log("performance")  # of the page before
         self.driver.get_log("browser")
         self.open(page, width)
+        self.ask("document.querySelectorAll('details').forEach((part) => { part.open = true; })")
         broken = self.driver.execute_async_script(_IMAGES)
         found = [f"not decoded: {name}" for name in broken]
         over = self.ask("return document.documentElement.scrollWidth") - width

@@ -162,8 +162,8 @@ def _errors(fit: FitFile) -> Sequence[Markup]:
         *map(_title, rivals),
     )
     note = (
-        "RMSE in degrees; the offset of a fitted log is removed. One twin is for all logs; a model without "
-        "physics is fitted to each bend of the sheath separately."
+        "RMSE in degrees, the least of a row in bold; the offset of a fitted log is removed. One twin is for "
+        "all logs; a model without physics is fitted to each bend of the sheath separately."
     )
     parts = [html.table(head, rows, note=note, cards=True)]
     wires = [f"tension_{wire}_rmse_percent_of_range" for wire in "ab"]

@@ -87,8 +87,9 @@ def error_table(scores: Sequence[Score]) -> Markup:
             others.append((html.Cell(label, (kind,)), *row))
     setting = tables.setting(scores[0].group, scores[0].sample_time_s, scores[0].seeds)
     note = f"RMSE [deg] on {setting}; R in deg². {tables.BOLD}"
-    head = (noise_label(*noise).replace(",", "").replace(" deg²", "") for noise in noises)
-    return html.table(("method", *head), competing + others, note=note, numbers=True)
+    heads = (noise_label(*noise).replace(",", "").replace(" deg²", "") for noise in noises)
+    unbroken = (head.replace(" = ", "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}") for head in heads)
+    return html.table(("method", *unbroken), competing + others, note=note, numbers=True)
 
 
 def result_parts(scores: Sequence[Score], rankings: Sequence[Ranking]) -> list[Markup]:

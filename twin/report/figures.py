@@ -265,6 +265,7 @@ def training_figure(curves: dict[str, dict[str, Array]]) -> Figure:
         ends[agent] = samples[-1] / 1e3, smooth[-1], line_of(style)
     if all((np.asarray(curve["return"]) < 0).all() for curve in curves.values()):
         axes.set_yscale("log")
+        log_ticks(axes.yaxis, [digit * 10.0**power for power in range(-6, 6) for digit in (1, 2, 5)])
     axes.set_xlabel("samples [thousands]")
     axes.set_ylabel("cost per step (negative reward) [deg²]")
     label_ends(axes, ends)

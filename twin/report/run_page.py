@@ -284,21 +284,25 @@ def training_page(path: Path) -> html.Page:
     if agent is None:
         raise InputError(f"{path} names no agent of `endotwin train`; valid: {', '.join(known)}")
     trained = folder / known[agent].file
-    page = html.Page("EndoTwin training: how an estimator learned", f"{agent}: {known[agent].purpose}")
     try:
         curve = read_progress(folder / CURVE_FILE)
-        cost, ends = -curve["return"], ("at the start", "at the end")
-        rows = [(ends[k], f"{curve['samples'][k] / 1e3:.4g}", f"{cost[k]:.3g}") for k in (0, -1)]
-        head = ("", "samples [thousands]", "cost per step [deg²]")
+        first, last = (f"{cost:.3g}" for cost in -curve["return"][[0, -1]])
+        sentence = (
+            f"Cost per step: {first} deg² at the start, {last} after {curve['samples'][-1]:,.0f} samples."
+        )
         learned = [
-            html.table(head, rows, numbers=True),
-            html.figure(training_figure({agent: curve}), _LEARNING),
+            html.text(sentence, "headline"),
+            html.figure(training_figure({agent_names().get(agent, agent): curve}), _LEARNING),
         ]
     except (OSError, ValueError) as error:
         learned = [html.gap(f"The learning curve cannot be shown: {error}.")]
     if not trained.is_file():
         learned.insert(0, html.gap(f"This training run is not finished: it has left no {trained.name} yet."))
-    page.add("Learning curve", *learned)
+    page = html.Page(
+        "EndoTwin training: how an estimator learned",
+        f"{agent}: {known[agent].purpose}",
+        intro=tuple(learned),
+    )
     hashes = {"Trained file, by SHA-256": ((trained.name, sha256_of(trained)),)} if trained.is_file() else {}
     page.add_origin(
         (
