@@ -210,7 +210,7 @@ class GateMaterial:
         ]
         units = [log.name for log in self.logs]
         deviation = np.repeat(self.log_deviations_deg, self.size.log_draws)
-        progress = self.part(0.1, 1.0)
+        progress = self.part(0.7, 1.0)  # of the first check that needs it, after the replay of the logs
         return run_trials(self.estimator, self.rival, cases, units, 0, progress, deviation)
 
 
