@@ -25,6 +25,7 @@ VERBS = {
     "evaluate": "compare all methods under noise: tables, figures, evaluation.json",
     "run": "run a trained estimator on a log or a live stream, sample by sample",
     "render": "draw a record as PNG or MP4, without a screen",
+    "view": "pull, bend and push an endoscope in the browser, or play a record",
     "report": "write a self-contained HTML page about a run",
     "control": "track a reference bend on the twin, by every controller",
     "gate": "go or no-go for a policy before it is deployed, with reasons",

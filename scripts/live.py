@@ -50,11 +50,33 @@ _LONGEST_REQUEST = 2**16  # bytes of a message of a viewer
 _LONGEST_GOODBYE_S = 1.0
 
 
-def refusal(host: str | None, origin: str | None, listening: str, origins: Collection[str]) -> str | None:
-    """Return why a handshake is refused, or None.
+def judge(
+    connection: "ServerConnection", request: "Request", listening: str, origins: Collection[str], hint: str
+) -> "Response | None":
+    """Return the answer to a request that is refused, or None.
 
-    Known are its headers `Host` and `Origin`, where the server listens, and further pages that may watch.
+    Known are where the server listens, further pages that may watch, and a hint to those that may not.
     """
+    host, origin = (request.headers.get_all(name) for name in ("Host", "Origin"))
+    if len(host) > 1 or len(origin) > 1:
+        why: str | None = "a header is there twice"
+    else:
+        why = _refusal(host[0] if host else None, origin[0] if origin else None, listening, origins, hint)
+    return None if why is None else connection.respond(HTTPStatus.FORBIDDEN, f"{why}\n")
+
+
+def quiet_logger() -> logging.Logger:
+    """Return a logger that discards all: failed handshakes would be written to stderr."""
+    quiet = logging.getLogger("endotwin.live")
+    quiet.addHandler(logging.NullHandler())
+    quiet.propagate = False
+    return quiet
+
+
+def _refusal(
+    host: str | None, origin: str | None, listening: str, origins: Collection[str], hint: str
+) -> str | None:
+    """Return why headers are refused, or None; see `judge`."""
     try:
         name, page = (urlsplit(of).hostname or "" for of in (f"//{host or ''}", origin or ""))
     except ValueError:
@@ -66,9 +88,9 @@ def refusal(host: str | None, origin: str | None, listening: str, origins: Colle
     address = _address(page)
     if origin is None or page == "localhost" or (address and address.is_loopback):
         return None
-    if origin.lower().rstrip("/") in {of.lower().rstrip("/") for of in (*ORIGINS, *origins)}:
+    if origin.lower().rstrip("/") in {of.lower().rstrip("/") for of in origins}:
         return None
-    return f"pages of {shown(origin)} may not watch: --live-origin allows them"
+    return f"pages of {shown(origin)} may not watch{hint}"
 
 
 def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
@@ -129,7 +151,7 @@ class LiveViewer:
             if not (urlsplit(origin).scheme and urlsplit(origin).netloc):
                 raise InputError(f"live origin {origin!r}: must be as https://lab.example")
         require_extra("live", "a live viewer")
-        self.host, self._origins = host, origins
+        self.host, self._origins = host, (*ORIGINS, *origins)
         self._stream = LiveMessages(method, controlled=controlled)
         self._topics = dict(enumerate(self._stream.schemas, start=1))
         self._viewers: tuple[_Viewer, ...] = ()  # replaced as a whole: `add` runs in another thread
@@ -196,9 +218,6 @@ class LiveViewer:
     async def _listen(self, port: int) -> "Server":
         from websockets.asyncio.server import serve
 
-        quiet = logging.getLogger("endotwin.live")  # else failed handshakes are written to stderr
-        quiet.addHandler(logging.NullHandler())
-        quiet.propagate = False
         return await serve(
             self._serve,
             self.host,
@@ -208,16 +227,11 @@ class LiveViewer:
             compression=None,
             max_size=_LONGEST_REQUEST,
             close_timeout=_LONGEST_GOODBYE_S / 2,
-            logger=quiet,
+            logger=quiet_logger(),
         )
 
     def _judge(self, connection: "ServerConnection", request: "Request") -> "Response | None":
-        host, origin = (request.headers.get_all(name) for name in ("Host", "Origin"))
-        if len(host) > 1 or len(origin) > 1:
-            why: str | None = "a header is there twice"
-        else:
-            why = refusal(host[0] if host else None, origin[0] if origin else None, self.host, self._origins)
-        return None if why is None else connection.respond(HTTPStatus.FORBIDDEN, f"{why}\n")
+        return judge(connection, request, self.host, self._origins, ": --live-origin allows them")
 
     async def _serve(self, connection: "ServerConnection") -> None:
         """Advertise the topics to a new viewer, and take its subscriptions."""

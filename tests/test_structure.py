@@ -25,6 +25,7 @@ HOME_OF = {
     "torch": ("rl/",),
     "stable_baselines3": ("rl/",),
     "gymnasium": ("rl/",),
+    "viser": ("scripts/viewer.py",),
 }
 """Libraries and the packages that may import them; benchmarks of learning may import what `rl` does."""
 RUNS_FILES = {"pickle", "_pickle", "cloudpickle", "dill", "shelve", "marshal", "joblib", "jsonpickle"}

@@ -34,6 +34,7 @@ EXTRAS = {
     "logs": ("rosbags", "openpyxl"),
     "tensorboard": ("tensorboard",),
     "live": ("websockets",),
+    "view": ("viser",),
     "benchmark": ("filterpy",),
     "vision": ("cv2",),
     "notebook": ("pandas",),

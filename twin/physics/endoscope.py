@@ -34,6 +34,7 @@ class State:
     friction_direction: Array  # direction of the friction that two planes share, (pairs,) [rad]; else empty
     grip: Array  # share of its `stiction` that holds each element of the sheath, flat [-]; empty without it
     tip_force: float  # that pushes the tip sideways [N]
+    friction_factor: float = 1.0  # of the sheath
 
 
 class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no types
@@ -57,7 +58,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self.preset = preset
         self.layout = Layout.of(self.model.ptr, preset)
         self._drives = [Drive(preset, zero) for zero in preset.command_zeros]
-        self._travel = 0.0
+        self._travel, self._friction_factor = 0.0, 1.0
         self._steps = round(preset.control_period / preset.time_step)
         self._sheath_bend = np.array([preset.sheath_bend])
         model, data = self.model.ptr, self.data.ptr
@@ -78,6 +79,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             for drive in self._drives:
                 drive.reset()
             self._travel = self._tip_force = 0.0
+            self._friction_factor = 1.0
             self._sheath_bend = np.array([self.preset.sheath_bend])
             self._loads.reset()
             self._follow_load()
@@ -196,10 +198,18 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self._tip_force = force
         self._on_tip[:] = 0.0
 
+    def scale_friction(self, factor: float) -> None:
+        """Multiply the friction of the sheath by a factor from now on; 1 ends it. It belongs to the state."""
+        if not 0 <= factor < math.inf:
+            raise InputError(f"friction factor of {factor}: must be finite and not negative")
+        self._friction_factor = factor
+
     def _follow_load(self) -> None:
         drift = None
         if self._loads.drifts:
             drift = self._loads.drift(np.array([self.data.ptr.time]), np.array([self._travel]))
+        if self._friction_factor != 1.0:
+            drift = np.array([self._friction_factor]) * (1.0 if drift is None else drift)
         self._loads.follow(self._sheath_bend, drift)
 
     def save_state(self) -> State:
@@ -209,7 +219,8 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         mujoco.mj_getState(model, data, physics, _WHOLE_STATE)
         drive = tuple(drive.state() for drive in self._drives)
         bend, friction = float(self._sheath_bend[0]), self.sheath_friction()
-        return State(physics, drive, self._travel, bend, friction, *self._loads.memory(), self._tip_force)
+        acting = self._tip_force, self._friction_factor
+        return State(physics, drive, self._travel, bend, friction, *self._loads.memory(), *acting)
 
     def restore_state(self, state: State) -> None:
         """Restore a saved state of an endoscope of the same preset."""
@@ -228,6 +239,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         for drive, saved in zip(self._drives, state.drive, strict=True):
             drive.restore(saved)
         self._travel, self._tip_force = state.travel, state.tip_force
+        self._friction_factor = state.friction_factor
         self._sheath_bend = np.array([state.sheath_bend])
         mujoco.mj_fwdPosition(model, data)
 

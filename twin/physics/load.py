@@ -209,7 +209,7 @@ class Loads:
         self._warm_up, self._warm_up_time = each("friction_warm_up"), each("warm_up_time")
         self._wear = each("friction_wear")
         self.drifts = bool(self._warm_up.any() or self._wear.any())
-        self._of_bend = np.empty(0)
+        self._of_bend, self._drifted = np.empty(0), False
         wire = [
             (p.wire_offset, segment_stiffness(p), quadratic_stiffness(p), p.wire_damping * (elements + 1))
             for p in presets
@@ -245,13 +245,13 @@ class Loads:
         """
         rewritten = self.rewritten
         same_bend = sheath_bend is self._of_bend or np.array_equal(sheath_bend, self._of_bend)
-        if drift is not None or not same_bend:
+        if drift is not None or self._drifted or not same_bend:
             factor = np.ones(len(sheath_bend)) if drift is None else drift
             wrapped = self._friction * factor * (sheath_bend + self._bend_offset)
             self._half_share[:] = friction_per_tension(wrapped, 1.0, self.layout.element.shape[1]) / 2
             floor = friction_floor(self._floor, self._growth, self._exponent, sheath_bend)
             self._floor_now[:] = floor * factor
-            self._of_bend = sheath_bend
+            self._of_bend, self._drifted = sheath_bend, drift is not None
         follow_load(self._law, rewritten, self._qpos, self._qvel, self._half_share, self._floor_now)
         if self.sticking is not None:
             self.sticking.hold(rewritten.sheath, self.wires.tension_and_slack(self._qpos)[0])

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 HEALTH_TOPIC = "/health"  # faults that a running estimator found in a sample
+ESTIMATE_PREFIX = "/estimate/"  # of the topics of estimators
 REFERENCE_TOPIC = "/reference"  # angles that a controller was to follow, as messages of `Estimate`
 SCENE_TOPIC = "/scene"  # topic of the one message that draws the endoscope; it is not read back
 
@@ -145,7 +146,7 @@ def decode(
 
 def estimate_topic(method: str) -> str:
     """Return the topic of a method's estimates: `/estimate/` and its name, in letters, digits, - and _."""
-    return "/estimate/" + re.sub(r"[^A-Za-z0-9-]+", "_", method).strip("_")
+    return ESTIMATE_PREFIX + re.sub(r"[^A-Za-z0-9-]+", "_", method).strip("_")
 
 
 def estimate_message(estimate_deg: float, low_deg: float = math.nan, high_deg: float = math.nan) -> Any:

@@ -29,7 +29,7 @@ from twin.files.shown import shown
 from twin.recording.container import MAGIC
 from twin.recording.endotwin_pb2 import Estimate
 from twin.recording.features import LARGEST, refuse_implausible
-from twin.recording.messages import SCHEMAS, decode, places_of, required_topics
+from twin.recording.messages import ESTIMATE_PREFIX, SCHEMAS, decode, places_of, required_topics
 from twin.recording.writer import METADATA_RECORD
 
 Array = NDArray[np.float64]
@@ -347,21 +347,33 @@ def read_estimates(path: str | Path, topic: str) -> Array:
         (N,) angle at each sample of the episode [deg], NaN where there is no message; (0,) if the file has
         no such topic.
     """
+    return read_intervals(path, topic)[:, 0]
+
+
+def read_intervals(path: str | Path, topic: str) -> Array:
+    """Read what `read_estimates` reads, and the low and high end of the 95 % interval, (N, 3) or (0, 3)."""
     path = Path(path)
     contents = whole_contents(path, {COMMAND_TOPIC, topic})
     if topic not in contents.topics:
-        return np.empty(0)
+        return np.empty((0, 3))
     with named_errors(f"{path} holds no whole {topic}"):
         contents.check_schema(topic, Estimate)
         commands = contents.times.get(COMMAND_TOPIC, [])
-        angle_deg = np.full(len(commands), np.nan)
+        angles_deg = np.full((len(commands), 3), np.nan)
         messages = [Estimate.FromString(payload) for payload in contents.payloads.get(topic, [])]
         places = places_of(contents.times.get(topic, []), commands, topic)
-        angle_deg[places] = [message.estimate_deg for message in messages]
-        if (wrong := np.abs(angle_deg) > LARGEST["measured_deg"]).any():
+        for place, of in zip(places, messages, strict=True):
+            ends = [of.low_deg, of.high_deg] if of.HasField("low_deg") and of.HasField("high_deg") else np.nan
+            angles_deg[place, 0], angles_deg[place, 1:] = of.estimate_deg, ends
+        if (wrong := np.abs(angles_deg) > LARGEST["measured_deg"]).any():
             rule = f"must be from {-LARGEST['measured_deg']:g} to {LARGEST['measured_deg']:g}"
-            raise InputError(f"an angle of {topic} is {angle_deg[wrong][0]:g} deg: {rule}")
-    return angle_deg
+            raise InputError(f"an angle of {topic} is {angles_deg[wrong][0]:g} deg: {rule}")
+    return angles_deg
+
+
+def estimate_topics(path: str | Path) -> list[str]:
+    """Return the topics of estimators that a file describes, in the order of their names."""
+    return sorted(of for of in whole_contents(Path(path), ()).topics if of.startswith(ESTIMATE_PREFIX))
 
 
 def read_dataset(path: str | Path, *, hidden: bool = True) -> Dataset:

@@ -42,6 +42,7 @@ class SeedUse(enum.IntEnum):
     CONTROL_TUNING_TWINS = 503
     CONTROL_TUNING_REFERENCES = 504
     CONTROL_TUNING_NOISE = 505
+    VIEW_NOISE = 506
 
 
 def random_stream(seed: int, stream: SeedUse, *numbers: int) -> np.random.Generator:
