@@ -1,4 +1,4 @@
-"""`endotwin view`: an endoscope in the browser, to be pulled, bent and pushed, or a recording to be played."""
+"""`endotwin view`: an endoscope in the browser, driven by sliders, or a recording that is played."""
 
 import dataclasses
 import getpass

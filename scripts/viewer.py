@@ -8,6 +8,7 @@ import contextlib
 import math
 import os
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from functools import partial
@@ -28,11 +29,13 @@ if TYPE_CHECKING:
 
 HOST = "127.0.0.1"
 RATE_HZ = 30.0  # of poses and numbers
+REST_S = 5e-3  # least pause between two updates, which else follow an input at once
 CURVES_EVERY = 2  # updates
+NARROW = 576  # width of a window from which on the panel is below the scene [pixels]
 _INK, _LINK, _LENS, _FORCE = (38, 43, 54), (158, 166, 178), (89, 158, 217), (160, 40, 150)
 
 
-def serve(session: LiveTwin | Playback, listening: socket.socket) -> None:
+def serve(session: Session, listening: socket.socket) -> None:
     """Show a session until a signal ends it."""
     with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):  # viser prints there
         server = _open_server(listening)
@@ -45,8 +48,11 @@ def serve(session: LiveTwin | Playback, listening: socket.socket) -> None:
                 panel.advance(now - last)
                 with server.atomic():
                     page.update()
+                server.flush()
                 last = now
-                time.sleep(max(now + 1 / RATE_HZ - time.monotonic(), 1e-3))
+                time.sleep(REST_S)
+                panel.changed.wait(max(now + 1 / RATE_HZ - time.monotonic(), 0.0))
+                panel.changed.clear()
         finally:
             server.stop()
 
@@ -57,7 +63,9 @@ def listen(port: int) -> socket.socket:
         return socket.create_server((HOST, port))
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError(f"port {port} of {HOST}: {reason}; choose another --port, or 0 for a free one") from error
+        raise InputError(
+            f"port {port} of {HOST}: {reason}; choose another --port, or 0 for a free one"
+        ) from error
 
 
 def _open_server(listening: socket.socket) -> "viser.ViserServer":
@@ -65,6 +73,8 @@ def _open_server(listening: socket.socket) -> "viser.ViserServer":
 
     with _guarded(listening):
         server = viser.ViserServer(HOST, listening.getsockname()[1], label="EndoTwin", verbose=False)
+    server.scene.configure_environment_map(None)  # half of the time that a frame takes without a GPU
+    server.scene.configure_default_lights(cast_shadow=False)
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
     server.gui.main_panel.dock_right()
     server.gui.set_panel_label("EndoTwin")
@@ -96,7 +106,9 @@ def _guarded(listening: socket.socket) -> Iterator[None]:
     finally:
         server.serve = serve_any  # type: ignore[misc]
     if not guarded:
-        raise InputError("this version of viser cannot refuse pages of others: install that of the extra `view`")
+        raise InputError(
+            "this version of viser cannot refuse pages of others: install that of the extra `view`"
+        )
 
 
 class _Driven:
@@ -118,7 +130,9 @@ class _Driven:
             for name, (label, low, step) in texts.items()
         }
         gui.add_button("Straight and at rest", order=2).on_click(lambda _: self._rest())
-        self._resting = False
+        self._resting, self.changed = False, threading.Event()
+        for slider in self._sliders.values():
+            slider.on_update(lambda _: self.changed.set())
 
     def advance(self, seconds: float) -> None:
         """Advance the twin towards the sliders."""
@@ -134,7 +148,7 @@ class _Driven:
     def _rest(self) -> None:
         rest = Inputs(sheath_bend_deg=math.degrees(self._twin.preset.sheath_bend))
         for name, slider in self._sliders.items():
-            slider.value = getattr(rest, name)
+            slider.value = getattr(rest, name)  # type: ignore[misc]
         self._resting = True
 
 
@@ -147,7 +161,8 @@ class _Played:
         self._button.on_click(lambda _: self._toggle())
         step = max(recording.last_s / 1000, 1e-3)
         self._slider = server.gui.add_slider("Time [s]", 0.0, recording.last_s, step, 0.0, order=1)
-        self._shown_s = 0.0
+        self._shown_s, self.changed = 0.0, threading.Event()
+        self._slider.on_update(lambda _: self.changed.set())
 
     def advance(self, seconds: float) -> None:
         """Go on by a time while it plays, and to where the slider was moved."""
@@ -156,7 +171,7 @@ class _Played:
             recording.time_s = self._shown_s = self._slider.value
         elif self._playing:
             recording.time_s = min(recording.time_s + seconds, recording.last_s)
-            self._shown_s = self._slider.value = recording.time_s
+            self._shown_s = self._slider.value = recording.time_s  # type: ignore[misc]
             if recording.time_s == recording.last_s:
                 self._toggle()
 
@@ -174,13 +189,11 @@ class _Page:
         self._session, self._updates, self._drawn = session, 0, None
         preset = session.preset
         wires = (session.trail().shape[1] - Columns.TENSIONS_N) // 2
-        live = isinstance(session, LiveTwin)
-        reach_mm = session.limits.pull_mm if isinstance(session, LiveTwin) else 1.0
-        self._force_n = session.limits.tip_force_n if isinstance(session, LiveTwin) else 1.0
-        self._curves = Curves(preset.bending_planes, wires, session.method, reach_mm)
+        most = session.limits if isinstance(session, LiveTwin) else Inputs(pull_mm=1.0, tip_force_n=1.0)
+        self._curves = Curves(preset.bending_planes, wires, session.method, most.pull_mm)
         self._numbers = server.gui.add_html(self._text(), order=0)
         self._graph = server.gui.add_html(self._curves.svg(session.trail()), order=3)
-        self._scene = _Scene(server, session, self._force_n, pushed=live)
+        self._scene = _Scene(server, session, most.tip_force_n)
 
     def update(self) -> None:
         """Send the present."""
@@ -210,7 +223,7 @@ class _Page:
 class _Scene:
     """Endoscope in 3D; lengths are those of the bending section."""
 
-    def __init__(self, server: "viser.ViserServer", session: Session, force_n: float, *, pushed: bool) -> None:
+    def __init__(self, server: "viser.ViserServer", session: Session, force_n: float) -> None:
         self._preset, self._force_n, self._sheath_bend = session.preset, force_n, math.nan
         preset, scene = session.preset, server.scene
         radius, link = preset.wire_offset / preset.section_length, 1 / preset.vertebrae
@@ -218,7 +231,9 @@ class _Scene:
         sheath = place_sheath(preset, 0.0)
         part = 1.15 * float(np.linalg.norm(sheath.position[1] - sheath.position[0]))
         count = len(placed.wires.position) // len(placed.links.position)
-        colours = np.repeat([[round(255 * of) for of in wire] for wire in WIRE_COLOURS[:count]], preset.vertebrae, 0)
+        colours = np.repeat(
+            [[round(255 * of) for of in wire] for wire in WIRE_COLOURS[:count]], preset.vertebrae, 0
+        )
 
         def add(name: str, radius: float, length: float, poses: Poses, colour: Any) -> Any:
             return scene.add_batched_meshes_simple(
@@ -236,31 +251,43 @@ class _Scene:
             add("/vertebrae", 1.05 * radius, 0.6 * link, placed.links, _LINK),
             add("/backbone", 0.45 * radius, link, placed.links, _INK),
         ]
-        self._wires = add("/wires", 0.2 * radius, 1.1 * link, placed.wires, colours.astype(np.uint8))
-        self._tip = add("/tip", 1.3 * radius, 0.5 * link, placed.tip, _INK)
-        self._lens = add("/lens", 0.6 * radius, 0.54 * link, placed.tip, _LENS)
+        self._wires = [add("/wires", 0.2 * radius, 1.1 * link, placed.wires, colours.astype(np.uint8))]
+        self._tip = [
+            add("/tip", 1.3 * radius, 0.5 * link, placed.tip, _INK),
+            add("/lens", 0.6 * radius, 0.54 * link, placed.tip, _LENS),
+        ]
         self._sheath = add("/sheath", 1.35 * radius, part, sheath, _INK)
-        self._force = None
-        if pushed:
-            sizes = {"shaft_radius": 0.012, "head_radius": 0.035, "head_length": 0.08}
-            self._force = scene.add_arrows("/force", placed.force[None], _FORCE, visible=False, **sizes)
+        self._force = scene.add_arrows(
+            "/force",
+            placed.force[None],
+            _FORCE,
+            shaft_radius=0.012,
+            head_radius=0.035,
+            head_length=0.08,
+            visible=False,
+        )
         camera = server.initial_camera
         camera.position, camera.look_at, camera.fov = (0.6, -3.0, 1.1), (-0.1, 0.3, 0.1), math.radians(45)
+        server.on_client_connect(_fit_narrow)
 
     def update(self, pose: Any) -> None:
         """Move everything to a pose."""
         placed = place(self._preset, pose, self._force_n)
-        for shapes, poses in ((self._links, placed.links), ([self._wires], placed.wires)):
+        for shapes, poses in zip((self._links, self._wires, self._tip), placed[:3], strict=True):
             for shape in shapes:
                 _move(shape, poses)
-        for shape in (self._tip, self._lens):
-            _move(shape, placed.tip)
         if pose.sheath_bend != self._sheath_bend:
             self._sheath_bend = pose.sheath_bend
             _move(self._sheath, place_sheath(self._preset, pose.sheath_bend))
-        if self._force is not None and (pose.tip_force_n or self._force.visible):
+        if pose.tip_force_n or self._force.visible:
             self._force.visible = bool(pose.tip_force_n)
-            self._force.points = placed.force[None]
+            self._force.points = placed.force[None].astype(np.float32)
+
+
+def _fit_narrow(client: "viser.ClientHandle") -> None:
+    """Move the endoscope above the panel of a narrow window."""
+    if client.camera.image_width <= NARROW:
+        client.camera.position, client.camera.look_at = (0.6, -7.2, 0.9), (-0.1, 0.3, -1.9)
 
 
 def _move(shape: Any, poses: Poses) -> None:

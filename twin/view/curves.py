@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 SHOWN_S = 20.0  # over which angle and tensions are shown
 LOOP_S = 60.0  # the same of the loop
 MOST_POINTS = 200  # of a curve
-WIDTH, LEFT, RIGHT = 360, 46, 8  # [SVG units]
+WIDTH, LEFT, RIGHT = 320, 42, 10  # [SVG units]
 INK, MUTED, ESTIMATE, BAND = "#1d232c", "#5b6673", "#7a4b00", "#f3d9a8"
 COLOURS = ["#{:02x}{:02x}{:02x}".format(*(round(200 * part) for part in of)) for of in WIRE_COLOURS]
 """Of the wires, dark enough for text on white."""
@@ -37,10 +37,10 @@ class Axis:
             self.low = math.floor(low / self.step) * self.step
             self.high = math.ceil(high / self.step) * self.step
 
-    def ticks(self) -> Array:
+    def ticks(self) -> list[float]:
         """Return round numbers within the range."""
-        first = math.ceil(self.low / self.step - 1e-9)
-        return self.step * np.arange(first, math.floor(self.high / self.step + 1e-9) + 1)
+        first, last = math.ceil(self.low / self.step - 1e-9), math.floor(self.high / self.step + 1e-9)
+        return [self.step * number for number in range(first, last + 1)]
 
 
 class Curves:
@@ -59,7 +59,10 @@ class Curves:
             _thin(trail[np.searchsorted(trail[:, Columns.TIME_S], now - seconds) :])
             for seconds in (LOOP_S, SHOWN_S)
         )
-        pulls, bends = [Columns.PULL_MM, Columns.LATERAL_PULL_MM], [Columns.BEND_DEG, Columns.LATERAL_BEND_DEG]
+        pulls, bends = (
+            [Columns.PULL_MM, Columns.LATERAL_PULL_MM],
+            [Columns.BEND_DEG, Columns.LATERAL_BEND_DEG],
+        )
         pulls, bends = pulls[: self._planes], bends[: self._planes]
         self._pull.grow(loop[:, pulls])
         self._bend.grow(loop[:, [*bends, Columns.ESTIMATE_DEG]])
@@ -67,24 +70,23 @@ class Curves:
         time = Axis(1.0)
         time.low, time.high, time.step = begin, max(begin + SHOWN_S, now), 5.0
         panels = [
-            self._loop(_Panel(18, 190, self._pull, self._bend), loop, pulls, bends),
-            self._angle(_Panel(262, 110, time, self._bend), recent, bends),
+            self._loop(_Panel(18, 150, self._pull, self._bend), loop, pulls, bends),
+            self._angle(_Panel(222, 100, time, self._bend), recent, bends),
         ]
-        height = 262 + 110 + 34
+        height = 222 + 100 + 34
         if self._wires:
-            panels.append(self._tensions(_Panel(height + 18, 110, time, self._tension), recent))
-            height += 18 + 110 + 34
+            panels.append(self._tensions(_Panel(height + 18, 100, time, self._tension), recent))
+            height += 18 + 100 + 24
         now_deg = trail[-1, Columns.BEND_DEG]
         label = html.escape(f"Loop, angle and tensions over time; the bend is {now_deg:.1f} deg now.")
         return (
             f'<svg role="img" aria-label="{label}" viewBox="0 0 {WIDTH} {height}" '
-            f'style="width:100%;display:block" font-family="sans-serif" font-size="12" fill="{INK}">'
+            f'style="display:block;width:calc(100% - 1em);margin:0.5em" '
+            f'font-family="sans-serif" font-size="12" fill="{INK}">'
             f"{''.join(panels)}</svg>"
         )
 
-    def _loop(
-        self, panel: "_Panel", trail: Array, pulls: list[Columns], bends: list[Columns]
-    ) -> str:
+    def _loop(self, panel: "_Panel", trail: Array, pulls: list[Columns], bends: list[Columns]) -> str:
         names = [("plane a-b", INK), ("plane c-d", COLOURS[2])][: len(pulls)] if len(pulls) > 1 else []
         parts = [panel.frame("Loop: bend [deg] against pull [mm]", names)]
         for pull, bend, colour in zip(pulls, bends, (INK, COLOURS[2]), strict=False):
@@ -144,7 +146,9 @@ class _Panel:
             y = float(place.split(",")[1])
             parts.append(f'<path d="M{LEFT} {y}H{WIDTH - RIGHT}" stroke="#e1e5ea"/>')
             parts.append(f'<text x="{LEFT - 5}" y="{y + 4}" text-anchor="end">{_number(tick)}</text>')
-        shown = "".join(f'<tspan dx="8" fill="{colour}">{html.escape(name)}</tspan>' for name, colour in names)
+        shown = "".join(
+            f'<tspan dx="8" fill="{colour}">{html.escape(name)}</tspan>' for name, colour in names
+        )
         title = f'<tspan font-weight="bold">{html.escape(title)}</tspan>{shown}'
         return "".join([*parts, f'<text x="4" y="{self._top - 6}">{title}</text>'])
 

@@ -4,7 +4,7 @@ import collections
 import enum
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,19 +54,6 @@ class Pose(NamedTuple):
     lateral_joint_angle: Array  # likewise; empty with one bending plane
     sheath_bend: float  # [rad]
     tip_force_n: float
-
-
-class Session(Protocol):
-    """What the viewer draws."""
-
-    preset: Preset
-    method: str  # of the estimate; empty without one
-
-    def pose(self) -> Pose:
-        """Return the present pose."""
-
-    def trail(self) -> Array:
-        """Return the samples up to now, (N, columns), at least one; see `Columns`."""
 
 
 class LiveTwin:
@@ -124,7 +111,7 @@ class LiveTwin:
         return Pose(twin.joint_angle().copy(), twin.lateral_joint_angle().copy(), bend, inputs.tip_force_n)
 
     def trail(self) -> Array:
-        """Return the samples of the last minute."""
+        """Return the samples of the last minute, (N, columns); see `Columns`."""
         return self._trail
 
     def _step(self, wanted: Inputs) -> None:
@@ -137,7 +124,8 @@ class LiveTwin:
         self.inputs = inputs = wanted._replace(**moved)
         twin.push_tip(inputs.tip_force_n)
         twin.scale_friction(inputs.friction)
-        twin.advance(*self._pulls_m(), sheath_bend=math.radians(inputs.sheath_bend_deg))
+        pull, lateral_pull = (*self._pulls_m(), 0.0)[:2]
+        twin.advance(pull, lateral_pull, math.radians(inputs.sheath_bend_deg))
         self.time_s += preset.control_period
         self._bends_deg.append(math.degrees(twin.bend()))
         if self._runtime is not None and self.time_s >= self._due_s - 1e-9:
@@ -159,9 +147,7 @@ class LiveTwin:
         twin, tension = self._twin, self._twin.wire_tension()
         pulls_mm = self.inputs.pull_mm, self.inputs.lateral_pull_mm
         bends_deg = math.degrees(twin.bend()), math.degrees(twin.lateral_bend())
-        return np.array(
-            [self.time_s, *pulls_mm, *bends_deg, *self._reading, *tension[:, 0], *tension[:, -1]]
-        )
+        return np.array([self.time_s, *pulls_mm, *bends_deg, *self._reading, *tension[:, 0], *tension[:, -1]])
 
 
 class Playback:
@@ -203,12 +189,15 @@ class Playback:
         return Pose(self._joint_angle[index], lateral[index] if len(lateral) else np.empty(0), bend, 0.0)
 
     def trail(self) -> Array:
-        """Return the samples from the start to the present time."""
+        """Return the samples from the start to the present time, (N, columns); see `Columns`."""
         return self._rows[: self._index + 1]
 
     @property
     def _index(self) -> int:
         return max(int(np.searchsorted(self._rows[:, 0], self.time_s + 1e-9)) - 1, 0)
+
+
+Session = LiveTwin | Playback
 
 
 def _or(values: Array, otherwise: Array) -> Array:
