@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scripts.live import judge, quiet_logger
 from twin.episode import WIRE_COLOURS, WIRES
 from twin.errors import InputError
+from twin.files.assets import assets_folder
 from twin.view import Columns, Inputs, LiveTwin, Playback, Session
 from twin.view.curves import Curves
 from twin.view.shapes import Poses, place, place_sheath
@@ -62,10 +63,9 @@ def listen(port: int) -> socket.socket:
     try:
         return socket.create_server((HOST, port))
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(
-            f"port {port} of {HOST}: {reason}; choose another --port, or 0 for a free one"
-        ) from error
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        rule = "choose another --port, or 0 for a free one"
+        raise InputError(f"port {port} of {HOST}: {reason}; {rule}") from error
 
 
 def _open_server(listening: socket.socket) -> "viser.ViserServer":
@@ -75,7 +75,10 @@ def _open_server(listening: socket.socket) -> "viser.ViserServer":
         server = viser.ViserServer(HOST, listening.getsockname()[1], label="EndoTwin", verbose=False)
     server.scene.configure_environment_map(None)  # half of the time that a frame takes without a GPU
     server.scene.configure_default_lights(cast_shadow=False)
-    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+    server.scene.add_light_ambient("/light", intensity=1.5)
+    server.gui.configure_theme(
+        show_logo=False, show_share_button=False, control_width="large", brand_color=(11, 95, 165)
+    )
     server.gui.main_panel.dock_right()
     server.gui.set_panel_label("EndoTwin")
     return server
@@ -83,22 +86,29 @@ def _open_server(listening: socket.socket) -> "viser.ViserServer":
 
 @contextlib.contextmanager
 def _guarded(listening: socket.socket) -> Iterator[None]:
-    """Context manager: servers of viser use this socket and refuse pages of others.
+    """Context manager: servers of viser use this socket, refuse pages of others, and name the page.
 
     By itself viser answers every page, and where a port is busy, it takes the next one.
     """
     from websockets.asyncio import server
 
     serve_any, guarded = server.serve, []
+    head = (assets_folder() / "view_head.html").read_bytes()
 
     def serve_own(handler: Any, host: str, port: int, *, process_request: Any, **options: Any) -> Any:
-        def refuse_others(connection: Any, request: Any) -> Any:
-            return judge(connection, request, HOST, (), "") or process_request(connection, request)
+        def answer(connection: Any, request: Any) -> Any:
+            if (refused := judge(connection, request, HOST, (), "")) is not None:
+                return refused
+            with contextlib.suppress(KeyError):
+                del request.headers["Accept-Encoding"]  # the page is compressed within
+            if (page := process_request(connection, request)) is not None:
+                page.body = page.body.replace(b"<title>Viser</title>", head)
+                del page.headers["Content-Length"]
+                page.headers["Content-Length"] = str(len(page.body))
+            return page
 
         guarded.append(port)
-        return serve_any(
-            handler, sock=listening, process_request=refuse_others, logger=quiet_logger(), **options
-        )
+        return serve_any(handler, sock=listening, process_request=answer, logger=quiet_logger(), **options)
 
     server.serve = serve_own  # type: ignore[assignment,misc]
     try:

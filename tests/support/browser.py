@@ -87,20 +87,26 @@ class Browser:
         over = self.ask("return document.documentElement.scrollWidth") - width
         if over > 0:
             found.append(f"{over} pixels wider than the screen of {width}")
-        if axe and self.axe:
-            self.ask(self.axe)
-            found += [f"at {width}: {rule}" for rule in self.driver.execute_async_script(_AXE_RUN)]
+        found += [f"at {width}: {rule}" for rule in self.ask_axe()] if axe else []
         found += [f"console: {entry['message']}" for entry in self.driver.get_log("browser")]
-        return found + [f"fetched: {address}" for address in self._fetched(served)]
+        return found + [f"fetched: {address}" for address in self.fetched(served)]
 
-    def _fetched(self, served: str) -> list[str]:
+    def ask_axe(self) -> list[str]:
+        """Return the faults by axe-core of the page that is open; none without axe-core."""
+        if not self.axe:
+            return []
+        self.ask(self.axe)
+        found: list[str] = self.driver.execute_async_script(_AXE_RUN)
+        return found
+
+    def fetched(self, *served: str) -> list[str]:
         """Addresses that were asked for, but for the page's own."""
         asked = []
         for entry in self.driver.get_log("performance"):
             message = json.loads(entry["message"])["message"]
             if message["method"] == "Network.requestWillBeSent":
                 asked.append(message["params"]["request"]["url"])
-        return [address for address in asked if not address.startswith((served, *_OWN))]
+        return [address for address in asked if not address.startswith((*served, *_OWN))]
 
 
 @contextlib.contextmanager

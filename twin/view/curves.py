@@ -70,13 +70,13 @@ class Curves:
         time = Axis(1.0)
         time.low, time.high, time.step = begin, max(begin + SHOWN_S, now), 5.0
         panels = [
-            self._loop(_Panel(18, 150, self._pull, self._bend), loop, pulls, bends),
-            self._angle(_Panel(222, 100, time, self._bend), recent, bends),
+            self._loop(_Panel(22, 150, self._pull, self._bend), loop, pulls, bends),
+            self._angle(_Panel(228, 100, time, self._bend), recent, bends),
         ]
-        height = 222 + 100 + 34
+        height = 228 + 100 + 34
         if self._wires:
-            panels.append(self._tensions(_Panel(height + 18, 100, time, self._tension), recent))
-            height += 18 + 100 + 24
+            panels.append(self._tensions(_Panel(height + 22, 100, time, self._tension), recent))
+            height += 22 + 100 + 24
         now_deg = trail[-1, Columns.BEND_DEG]
         label = html.escape(f"Loop, angle and tensions over time; the bend is {now_deg:.1f} deg now.")
         return (
@@ -150,7 +150,7 @@ class _Panel:
             f'<tspan dx="8" fill="{colour}">{html.escape(name)}</tspan>' for name, colour in names
         )
         title = f'<tspan font-weight="bold">{html.escape(title)}</tspan>{shown}'
-        return "".join([*parts, f'<text x="4" y="{self._top - 6}">{title}</text>'])
+        return "".join([*parts, f'<text x="4" y="{self._top - 10}">{title}</text>'])
 
     def line(self, x: Array, y: Array, colour: str, more: str = "") -> str:
         """Return a curve."""
