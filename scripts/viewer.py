@@ -33,6 +33,7 @@ RATE_HZ = 30.0  # of poses and numbers
 REST_S = 5e-3  # least pause between two updates, which else follow an input at once
 CURVES_EVERY = 2  # updates
 NARROW = 576  # width of a window from which on the panel is below the scene [pixels]
+_BLUE = (11, 95, 165)
 _INK, _LINK, _LENS, _FORCE = (38, 43, 54), (158, 166, 178), (89, 158, 217), (160, 40, 150)
 
 
@@ -76,9 +77,7 @@ def _open_server(listening: socket.socket) -> "viser.ViserServer":
     server.scene.configure_environment_map(None)  # half of the time that a frame takes without a GPU
     server.scene.configure_default_lights(cast_shadow=False)
     server.scene.add_light_ambient("/light", intensity=1.5)
-    server.gui.configure_theme(
-        show_logo=False, show_share_button=False, control_width="large", brand_color=(11, 95, 165)
-    )
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
     server.gui.main_panel.dock_right()
     server.gui.set_panel_label("EndoTwin")
     return server
@@ -139,7 +138,7 @@ class _Driven:
             name: add(label, low, getattr(most, name), step, getattr(twin.inputs, name))
             for name, (label, low, step) in texts.items()
         }
-        gui.add_button("Straight and at rest", order=2).on_click(lambda _: self._rest())
+        gui.add_button("Straight and at rest", order=2, color=_BLUE).on_click(lambda _: self._rest())
         self._resting, self.changed = False, threading.Event()
         for slider in self._sliders.values():
             slider.on_update(lambda _: self.changed.set())
@@ -167,7 +166,7 @@ class _Played:
 
     def __init__(self, server: "viser.ViserServer", recording: Playback) -> None:
         self._recording, self._playing = recording, False
-        self._button = server.gui.add_button("Play", order=1)
+        self._button = server.gui.add_button("Play", order=1, color=_BLUE)
         self._button.on_click(lambda _: self._toggle())
         step = max(recording.last_s / 1000, 1e-3)
         self._slider = server.gui.add_slider("Time [s]", 0.0, recording.last_s, step, 0.0, order=1)
