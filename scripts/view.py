@@ -7,7 +7,6 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
 
 import tyro
 
@@ -30,9 +29,7 @@ class View(Options):
         endotwin view data/train/episode_0000.mcap
     """
 
-    GROUPS: ClassVar = {"Twin": "preset", "Page": "port"}
-
-    source: tyro.conf.Positional[str] = ""
+    source: tyro.conf.Positional[Path | None] = None
     """A recording to play, NAME.mcap; or what --preset takes."""
     preset: str = "ureteroscope"
     """Endoscope: name of a preset, or a YAML file."""
@@ -55,12 +52,12 @@ def view(args: View) -> Summary:
     from scripts.viewer import HOST, listen, serve
     from twin.view import LiveTwin, Playback
 
-    if args.source.lower().endswith(RECORDING):
+    if args.source is not None and args.source.suffix.lower() == RECORDING:
         if args.policy is not None:
             raise InputError("--policy: a recording shows its own estimate; `endotwin run` adds one to a log")
-        session: LiveTwin | Playback = Playback(Path(args.source))
+        session: LiveTwin | Playback = Playback(args.source)
     else:
-        session = LiveTwin(load_preset(args.source or args.preset), args.policy, args.seed)
+        session = LiveTwin(load_preset(str(args.source or args.preset)), args.policy, args.seed)
     began = time.monotonic()
     try:
         with listen(args.port) as listening:

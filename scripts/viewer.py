@@ -1,7 +1,7 @@
 """Page of `endotwin view`: a session in the browser, by viser (`endotwin[view]`).
 
 The browser holds the shapes and draws them; 30 times a second it is sent their poses and the numbers, and
-half as often the curves. Pages of others are refused as by the live viewer (`scripts/live.py`).
+a third as often the curves. Pages of others are refused as by the live viewer (`scripts/live.py`).
 """
 
 import contextlib
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 HOST = "127.0.0.1"
 RATE_HZ = 30.0  # of poses and numbers
 REST_S = 5e-3  # least pause between two updates, which else follow an input at once
-CURVES_EVERY = 2  # updates
+CURVES_EVERY = 3  # updates
 NARROW = 576  # width of a window from which on the panel is below the scene [pixels]
 _BLUE = (11, 95, 165)
 _INK, _LINK, _LENS, _FORCE = (38, 43, 54), (158, 166, 178), (89, 158, 217), (160, 40, 150)

@@ -34,7 +34,7 @@ EXTRAS = {
     "logs": ("rosbags", "openpyxl"),
     "tensorboard": ("tensorboard",),
     "live": ("websockets",),
-    "view": ("viser",),
+    "view": ("viser", "trimesh"),
     "benchmark": ("filterpy",),
     "vision": ("cv2",),
     "notebook": ("pandas",),

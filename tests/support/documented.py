@@ -79,6 +79,7 @@ NOT_RUN = {
     "python docs/examples/tcp_server.py": "tests/scripts/test_bridges.py runs it",
     "endotwin demo": "minutes: tests/scripts/test_demo.py runs it",
     "endotwin benchmark": "`make benchmark` runs it, in an hour",
+    "endotwin view": "serves until it is stopped: tests/scripts/test_view_browser.py opens it",
     "--dask tcp://": "names a cluster: tests/workers/test_dask_cluster.py runs on one",
     "python -m scripts.studies.match_paper": "an hour: tests/studies/test_match_paper.py runs a small one",
     "python -m scripts.studies.ablation": "half an hour: tests/studies/test_ablation.py runs a small one",
