@@ -124,8 +124,7 @@ class _Driven:
     """Sliders of a twin that is driven by hand."""
 
     def __init__(self, server: "viser.ViserServer", twin: LiveTwin) -> None:
-        self._server, self._twin = server, twin
-        most, gui = twin.limits, server.gui
+        self._twin, most, gui = twin, twin.limits, server.gui
         add = partial(gui.add_slider, order=1)
         force = 10.0 ** math.floor(math.log10(most.tip_force_n) - 1)
         texts = {"pull_mm": ("Pull wire a [mm]", -most.pull_mm, 0.05)}
@@ -180,7 +179,8 @@ class _Played:
             recording.time_s = self._shown_s = self._slider.value
         elif self._playing:
             recording.time_s = min(recording.time_s + seconds, recording.last_s)
-            self._shown_s = self._slider.value = recording.time_s  # type: ignore[misc]
+            self._slider.value = recording.time_s  # type: ignore[misc]
+            self._shown_s = self._slider.value  # as viser rounds it
             if recording.time_s == recording.last_s:
                 self._toggle()
 
@@ -195,7 +195,7 @@ class _Page:
     """Scene, numbers and curves of a session."""
 
     def __init__(self, server: "viser.ViserServer", session: Session) -> None:
-        self._session, self._updates, self._drawn = session, 0, None
+        self._session, self._updates = session, 0
         preset = session.preset
         wires = (session.trail().shape[1] - Columns.TENSIONS_N) // 2
         most = session.limits if isinstance(session, LiveTwin) else Inputs(pull_mm=1.0, tip_force_n=1.0)

@@ -18,7 +18,7 @@ from rl.training import train_policy
 from scripts.__main__ import VERBS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-EXTRAS = ("mujoco", "torch", "matplotlib", "pymoo", "PIL", "gymnasium", "onnx")
+EXTRAS = ("mujoco", "torch", "matplotlib", "pymoo", "PIL", "gymnasium", "onnx", "viser")
 
 ESTIMATE = """
 import importlib.util, json, sys
