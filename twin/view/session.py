@@ -78,7 +78,7 @@ class LiveTwin:
     def limits(self) -> Inputs:
         """Largest input of each kind: a section bent by more than a right angle, a loop of the sheath."""
         preset = self.preset
-        reach_mm = max(1.0, round(min(1.3e3 * math.pi * preset.wire_offset, 10.0)))
+        reach_mm = max(1.0, float(round(min(1.3e3 * math.pi * preset.wire_offset, 10.0))))
         force = float(f"{2 * preset.section_stiffness / preset.section_length:.1g}")
         return Inputs(reach_mm, reach_mm, max(360.0, self.inputs.sheath_bend_deg), force, 3.0)
 
