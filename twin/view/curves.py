@@ -96,7 +96,7 @@ class Curves:
 
     def _angle(self, panel: "_Panel", trail: Array, bends: list[Columns]) -> str:
         time, low, high = (trail[:, of] for of in (Columns.TIME_S, Columns.LOW_DEG, Columns.HIGH_DEG))
-        names = [("truth", INK)]
+        names = [("tip", INK)]
         names += [(f"{self._method}, 95 %", ESTIMATE)] if self._method else []
         names += [("readings", MUTED)] if np.isfinite(trail[:, Columns.MEASURED_DEG]).any() else []
         parts = [panel.frame("Bend [deg]", names)]
