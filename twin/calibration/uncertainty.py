@@ -78,10 +78,12 @@ def uncertainty(fit: Fit) -> Uncertainty:
 def _conditions(fit: Fit, deviation: Array, total: Array, everything: Array) -> list[str]:
     """Return, for each parameter that is not fitted, those that the logs determine only together with it."""
     count, found = len(fit.free.names), dict[str, list[str]]()
+    apart = np.sqrt(np.diag(everything)[count:])
+    apart[apart == 0] = np.inf  # what the logs do not feel is bound to nothing
     alone, all_of = (fit.free.standard_deviation(fit.preset, of) for of in (deviation, total))
     for place, name in enumerate(fit.free.names):
         if fit.fixed and np.isfinite(deviation[place]) and total[place] > SHARED * deviation[place]:
-            shared = np.abs(everything[place, count:]) / np.sqrt(np.diag(everything)[count:])
+            shared = np.abs(everything[place, count:]) / apart
             value = getattr(fit.preset, name)
             found.setdefault(fit.fixed[int(shared.argmax())], []).append(
                 f"{name} {value:.3g} +- {alone[name]:.2g} ({all_of[name]:.2g} in all)"
