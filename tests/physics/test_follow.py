@@ -35,7 +35,7 @@ def rewritten(request, monkeypatch):
         np.zeros((2, *layout.shared.shape)),
         np.zeros((2, *layout.wrap.shape)),
     )
-    Loads(PRESETS, layout, out, qpos, qvel).follow(np.array([1.0, 2.0]), None)
+    Loads(PRESETS, layout, out, qpos, qvel).follow(np.array([1.0, 2.0]), None, np.arange(2))
     return Wires(PRESETS, layout), qpos, qvel, out
 
 

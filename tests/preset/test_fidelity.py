@@ -43,7 +43,7 @@ def test_fidelity_changes_parts_and_steps_alone():
 def test_unknown_fidelity_and_one_that_does_not_fit_are_refused_in_one_line():
     with pytest.raises(ValueError, match=r"^unknown fidelity 'fats' \(did you mean 'fast'\?\); valid: fine"):
         at_fidelity(Preset("any"), "fats")
-    odd = Preset("odd", control_period=2.5e-3)
-    with pytest.raises(ValueError, match=r"^fidelity fast of .odd.: .*control_period") as refused:
-        at_fidelity(odd, "fast")
+    odd = Preset("odd", time_step=1e-3, control_period=3e-3)
+    with pytest.raises(ValueError, match=r"^fidelity fine of .odd.: .*control_period") as refused:
+        at_fidelity(odd, "fine")
     assert "\n" not in str(refused.value)

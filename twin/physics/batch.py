@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from twin.episode import Episode
 from twin.mechanics.command import ALIKE, check_alike, commands_of
 from twin.mechanics.drive import Drive
+from twin.physics.division import STEPPED, Division, write_time_step
 from twin.physics.endoscope import release_shares
-from twin.physics.layout import Layout
+from twin.physics.layout import Index, Layout
 from twin.physics.load import REWRITTEN, Loads, views
 from twin.physics.model import compiled_model, model_xml
 from twin.physics.simulation import Recorder
@@ -90,10 +91,15 @@ class EndoscopeBatch:
         self._drives = [[Drive(preset, zero) for zero in preset.command_zeros] for preset in presets]
         self._rigid = all(drive.rigid for drives in self._drives for drive in drives)
         self._travel = np.zeros(len(presets))
-        self._steps = round(presets[0].control_period / presets[0].time_step)
+        self._divisions = [Division(preset) for preset in presets]
+        self._parts, self._steps = np.zeros((2, len(presets)), dtype=int)
+        self._time_step, *stepped = (self._batch.expand(name) for name in ("opt.timestep", *STEPPED))
+        self._stepped = list(zip(*stepped, strict=True))  # of each endoscope
         self.failed = np.zeros(len(presets), dtype=bool)  # (B,) whether it has diverged; it then stands still
         self._warning = self._batch.warning.reshape(len(presets), -1)
-        self._follow_load(np.array([preset.sheath_bend for preset in presets]))
+        everyone = np.arange(len(presets))
+        self._divide(everyone)
+        self._follow_load(np.array([preset.sheath_bend for preset in presets]), everyone)
         self._let_go(models)
 
     def sheath_friction(self) -> Array:
@@ -106,21 +112,42 @@ class EndoscopeBatch:
         `inputs` (B, 3) are pull, lateral pull and bend of the sheath.
         """
         moving = np.flatnonzero(active & ~self.failed)
-        everyone = len(moving) == len(self.presets)
-        self._follow_load(inputs[:, 2])
-        for plane in range(len(self.layout.pulley)):
+        strides = np.zeros((len(self.presets), len(self.layout.pulley)))
+        for plane in range(strides.shape[1]):
             target = inputs[:, plane]
             if not self._rigid:
                 target, commands = self._act[:, plane].copy(), inputs[:, plane].tolist()
                 for index in moving.tolist():
                     target[index] = self._drives[index][plane].advance(commands[index])
-            step = np.where(active & ~self.failed, target - self._act[:, plane], 0.0)
-            self._ctrl[:, 2 * plane : 2 * plane + 2] = step[:, None] / self.presets[0].control_period
-            self._travel += np.abs(step)
-        self._batch.step(ids=None if everyone else moving, nstep=self._steps)
+            strides[moving, plane] = target[moving] - self._act[moving, plane]
+            speed = strides[:, plane, None] / self.presets[0].control_period
+            self._ctrl[:, 2 * plane : 2 * plane + 2] = speed
+        ways = strides.tolist()
+        for index in moving.tolist():
+            self._divisions[index].advance(ways[index])
+        self._divide(moving)
+        for parts in np.unique(self._parts[moving]).tolist():
+            together = moving[self._parts[moving] == parts]
+            ids = None if len(together) == len(self.presets) else together
+            for _ in range(parts):
+                self._follow_load(inputs[:, 2], together)
+                self._travel[together] += np.abs(strides[together]).sum(axis=1) / parts
+                self._batch.step(ids=ids, nstep=self._steps[together[0]])
+                if self._loads.needs_constraint_feedback:
+                    self._loads.observe_constraints(self._constraint, together)
         self.failed |= self._warning.any(axis=1)
-        if self._loads.needs_constraint_feedback:
-            self._loads.observe_constraints(self._constraint, moving)
+
+    def _divide(self, moving: Index) -> None:
+        """Set the time steps of some endoscopes to the parts of their control periods."""
+        for index in moving.tolist():
+            division = self._divisions[index]
+            if self._parts[index] == division.parts:
+                continue
+            self._parts[index] = division.parts
+            self._steps[index], time_step = division.steps()
+            self._time_step[index] = time_step
+            write_time_step(self.presets[index], self.layout, self._stepped[index], time_step)
+            self._loads.divide(index, self._steps[index] * time_step, time_step, 1 / division.parts)
 
     def _let_go(self, models: Sequence[mujoco.MjModel]) -> None:
         curved = np.array([any(preset.initial_bends) for preset in self.presets])
@@ -139,9 +166,9 @@ class EndoscopeBatch:
         self._time[curved] = 0.0
         self._loads.reset()
 
-    def _follow_load(self, sheath_bend: Array) -> None:
+    def _follow_load(self, sheath_bend: Array, moving: Index) -> None:
         drift = self._loads.drift(self._time, self._travel) if self._loads.drifts else None
-        self._loads.follow(sheath_bend, drift)
+        self._loads.follow(sheath_bend, drift, moving)
 
 
 def _fields_that_differ(models: Sequence[mujoco.MjModel]) -> list[str]:

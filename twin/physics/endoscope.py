@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from twin.errors import DivergedError, InputError
 from twin.mechanics.drive import Drive
+from twin.physics.division import STEPPED, Division, write_time_step
 from twin.physics.layout import Layout
 from twin.physics.load import REWRITTEN, Loads, views
 from twin.physics.model import compiled_model, model_xml
@@ -19,7 +20,7 @@ from twin.preset.preset import Preset
 Array = NDArray[np.float64]
 _ALONE = np.zeros(1, dtype=np.intp)
 _WHOLE_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-_RELEASE_TIME, _SETTLING_TIME = 1.0, 0.2  # to bring in the curve of a section, and to hold it after that [s]
+_RELEASE_TIME, _SETTLING_TIME = 4.0, 0.2  # to bring in the curve of a section, and to hold it after that [s]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +35,7 @@ class State:
     friction_direction: Array  # direction of the friction that two planes share, (pairs,) [rad]; else empty
     grip: Array  # share of its `stiction` that holds each element of the sheath, flat [-]; empty without it
     tip_force: float  # that pushes the tip sideways [N]
+    division: tuple[float, ...]  # of the last control period, of `Division.state`
     friction_factor: float = 1.0  # of the sheath
 
 
@@ -59,7 +61,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self.layout = Layout.of(self.model.ptr, preset)
         self._drives = [Drive(preset, zero) for zero in preset.command_zeros]
         self._travel, self._friction_factor = 0.0, 1.0
-        self._steps = round(preset.control_period / preset.time_step)
+        self._division = Division(preset)
         self._sheath_bend = np.array([preset.sheath_bend])
         model, data = self.model.ptr, self.data.ptr
         self._pair = model, data
@@ -69,6 +71,8 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self._act, self._ctrl, self._warnings = data.act, data.ctrl, data.warning.number
         rewritten = views(self.layout, [getattr(model, name)[None] for name in REWRITTEN])
         self._loads = Loads([preset], self.layout, rewritten, data.qpos[None], data.qvel[None])
+        self._stepped = [getattr(model, name) for name in STEPPED]
+        self._divide()
         self._follow_load()
         self._let_go()
 
@@ -82,6 +86,8 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             self._friction_factor = 1.0
             self._sheath_bend = np.array([self.preset.sheath_bend])
             self._loads.reset()
+            self._division.reset()
+            self._divide()
             self._follow_load()
             self._let_go()
 
@@ -153,9 +159,9 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
     def advance(self, pull: float, lateral_pull: float = 0.0, sheath_bend: float | None = None) -> None:
         """Advance by one control period, at the end of which it is at a pull and a lateral pull [m].
 
-        The friction of the sheath follows the tension that the wires have at the start of the period; its
-        bend [rad] is that of the period before where not given. Raise `FloatingPointError` where the
-        simulation diverged.
+        The friction of the sheath follows the tension that the wires have at the start of the period, or of
+        its parts where the command is fast (`division.py`); its bend [rad] is that of the period before where
+        not given. Raise `FloatingPointError` where the simulation diverged.
         """
         if not math.isfinite(pull + lateral_pull):
             wrong = lateral_pull if math.isfinite(pull) else pull
@@ -167,26 +173,36 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             if not 0 <= sheath_bend < math.inf:
                 raise InputError(f"sheath bend of {sheath_bend} rad: must be finite and not negative")
             self._sheath_bend = np.array([sheath_bend])
-        self._follow_load()
-        period = self.preset.control_period
+        period, strides = self.preset.control_period, []
         for plane, (drive, command) in enumerate(zip(self._drives, (pull, lateral_pull), strict=False)):
-            step = drive.advance(command) - self._act.item(plane)
-            self._ctrl[2 * plane : 2 * plane + 2] = step / period
-            self._travel += abs(step)
+            stride = drive.advance(command) - self._act.item(plane)
+            self._ctrl[2 * plane : 2 * plane + 2] = stride / period
+            strides.append(stride)
+        if self._division.parts != self._division.advance(strides):
+            self._divide()
         model, data = self._pair
-        if self._tip_force:  # it turns with the tip
-            mujoco.mj_kinematics(model, data)
-            self._on_tip[:3] = self._tip_force * data.xmat[self._tip].reshape(3, 3)[:, 2]
-        start = data.time  # MuJoCo sets a diverged simulation back to 0
-        mujoco.mj_step(model, data, self._steps)
-        if any(self._warnings.tolist()):
-            raise DivergedError(
-                f"the simulation of {self.preset.name!r} diverged after {start:.3f} s: "
-                f"lower time_step ({self.preset.time_step:g} s) or the stiffness of the wires"
-            )
+        start, each = data.time, sum(map(abs, strides)) / self._division.parts
+        for _ in range(self._division.parts):
+            self._follow_load()
+            self._travel += each
+            if self._tip_force:  # it turns with the tip
+                mujoco.mj_kinematics(model, data)
+                self._on_tip[:3] = self._tip_force * data.xmat[self._tip].reshape(3, 3)[:, 2]
+            mujoco.mj_step(model, data, self._steps)
+            if any(self._warnings.tolist()):  # MuJoCo sets a diverged simulation back to time 0
+                raise DivergedError(
+                    f"the simulation of {self.preset.name!r} diverged after {start:.3f} s: "
+                    f"lower time_step ({self.preset.time_step:g} s) or the stiffness of the wires"
+                )
+            if self._loads.needs_constraint_feedback:
+                self._loads.observe_constraints(data.qfrc_constraint[None], _ALONE)
 
-        if self._loads.needs_constraint_feedback:
-            self._loads.observe_constraints(data.qfrc_constraint[None], _ALONE)
+    def _divide(self) -> None:
+        """Set the time step to the parts of the control period."""
+        self._steps, time_step = self._division.steps()
+        self._pair[0].opt.timestep = time_step
+        write_time_step(self.preset, self.layout, self._stepped, time_step)
+        self._loads.divide(0, self._steps * time_step, time_step, 1 / self._division.parts)
 
     def push_tip(self, force: float) -> None:
         """Push the last vertebra sideways by a force [N] from now on, towards more bend; 0 ends it.
@@ -210,7 +226,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             drift = self._loads.drift(np.array([self.data.ptr.time]), np.array([self._travel]))
         if self._friction_factor != 1.0:
             drift = np.array([self._friction_factor]) * (1.0 if drift is None else drift)
-        self._loads.follow(self._sheath_bend, drift)
+        self._loads.follow(self._sheath_bend, drift, _ALONE)
 
     def save_state(self) -> State:
         """Return the complete state, friction memory included."""
@@ -219,8 +235,9 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         mujoco.mj_getState(model, data, physics, _WHOLE_STATE)
         drive = tuple(drive.state() for drive in self._drives)
         bend, friction = float(self._sheath_bend[0]), self.sheath_friction()
-        acting = self._tip_force, self._friction_factor
-        return State(physics, drive, self._travel, bend, friction, *self._loads.memory(), *acting)
+        memory, division = self._loads.memory(), self._division.state()
+        factor = self._friction_factor
+        return State(physics, drive, self._travel, bend, friction, *memory, self._tip_force, division, factor)
 
     def restore_state(self, state: State) -> None:
         """Restore a saved state of an endoscope of the same preset."""
@@ -241,6 +258,8 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self._travel, self._tip_force = state.travel, state.tip_force
         self._friction_factor = state.friction_factor
         self._sheath_bend = np.array([state.sheath_bend])
+        self._division.restore(state.division)
+        self._divide()
         mujoco.mj_fwdPosition(model, data)
 
 

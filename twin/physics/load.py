@@ -61,15 +61,21 @@ class LoadLaw(NamedTuple):
     joint: Array  # (B, groups) own friction of a hinge of each group [N m]
     routing: Array  # (B,) friction of wires on vertebrae times moment arm [m]
     wrapped: Array  # (vertebrae, groups) share of the turn of each hinge that one of each group feels [-]
-    time_step: float  # [s]
-    ahead: float  # how far ahead a segment counts as taut [s]
+    time_step: Array  # (B,) [s]
+    ahead: Array  # (B,) how far ahead a segment counts as taut [s]
 
 
 @entry
 def follow_load(
-    law: LoadLaw, rewritten: Rewritten, qpos: Array, qvel: Array, half_share: Array, floor: Array
+    law: LoadLaw,
+    rewritten: Rewritten,
+    qpos: Array,
+    qvel: Array,
+    half_share: Array,
+    floor: Array,
+    moving: Index,
 ) -> None:
-    """Write the friction of the sheath and of the hinges, and the damping of the wires, of B endoscopes.
+    """Write friction and damping of those `moving` of B endoscopes: of sheath and hinges, and of the wires.
 
     These are `tension_at`, `element_friction` and `hinge_friction`, from the pulley to the tip. Damping
     holds, besides the wire's own, time step times stiffness: with it, and with as much inertia times the time
@@ -83,10 +89,10 @@ def follow_load(
     `half_share` (B,) is half the friction of an element per unit of the tension on both its sides [-],
     `floor` (B,) its friction that does not depend on the tension [N].
     """
-    time_step = law.time_step
     wires, elements = law.element.shape
     planes, (vertebrae, groups) = len(law.pulley), law.wrapped.shape
-    for b in range(len(qpos)):
+    for b in moving:
+        time_step, ahead = law.time_step[b], law.ahead[b]
         arm, stiffness, quadratic, own = law.wire[b, 0], law.wire[b, 1], law.wire[b, 2], law.wire[b, 3]
         for plane in range(planes):
             bend, bend_rate = 0.0, 0.0
@@ -105,7 +111,7 @@ def follow_load(
                     else:
                         end, end_rate = side * arm * bend, side * arm * bend_rate
                     stretch = law.rest_stretch[b, w, i] + start - end
-                    soon = stretch + law.ahead * (start_rate - end_rate)
+                    soon = stretch + ahead * (start_rate - end_rate)
                     taut = max(stretch, 0.0)
                     tension = taut * (stiffness + quadratic * taut)
                     if i > 0:
@@ -226,8 +232,8 @@ class Loads:
             joint=np.array([joint_friction(p) for p in presets]),
             routing=each("routing_friction") * each("wire_offset"),
             wrapped=np.stack([of_hinges[:, group].mean(axis=1) for group in hinge_groups(vertebrae)], axis=1),
-            time_step=presets[0].time_step,
-            ahead=2 * presets[0].control_period,
+            time_step=each("time_step"),
+            ahead=2 * each("control_period"),
         )
         self._half_share, self._floor_now = np.empty(len(presets)), np.empty(len(presets))
         two, sticks = len(layout.hinge) == 2, any(preset.stiction for preset in presets)
@@ -238,8 +244,16 @@ class Loads:
         """Return the factor (B,) of sheath friction after times [s] and travels of the pulleys [m], (B,)."""
         return friction_drift(self._warm_up, self._warm_up_time, self._wear, time, travel)
 
-    def follow(self, sheath_bend: Array, drift: Array | None) -> None:
-        """Rewrite friction and damping to the load of the present state.
+    def divide(self, index: int, part: float, time_step: float, share: float) -> None:
+        """Let one endoscope be updated after each `part` [s], a share of its control period, from now on."""
+        self._law.time_step[index], self._law.ahead[index] = time_step, 2 * part
+        if self.shared is not None:
+            self.shared.time_step[index], self.shared.part[index] = time_step, part
+        if self.sticking is not None:
+            self.sticking.share[index] = share
+
+    def follow(self, sheath_bend: Array, drift: Array | None, moving: Index) -> None:
+        """Rewrite friction and damping of the endoscopes `moving` to the load of the present state.
 
         `sheath_bend` (B,) [rad] must not be changed in place; `drift` (B,) is None where nothing drifts.
         """
@@ -252,9 +266,9 @@ class Loads:
             floor = friction_floor(self._floor, self._growth, self._exponent, sheath_bend)
             self._floor_now[:] = floor * factor
             self._of_bend, self._drifted = sheath_bend, drift is not None
-        follow_load(self._law, rewritten, self._qpos, self._qvel, self._half_share, self._floor_now)
+        follow_load(self._law, rewritten, self._qpos, self._qvel, self._half_share, self._floor_now, moving)
         if self.sticking is not None:
-            self.sticking.hold(rewritten.sheath, self.wires.tension_and_slack(self._qpos)[0])
+            self.sticking.hold(rewritten.sheath, self.wires.tension_and_slack(self._qpos)[0], moving)
         if self.shared is not None:
             self.shared.write(rewritten.sheath, rewritten.joints, rewritten.loss, rewritten.coefficient)
 

@@ -19,6 +19,7 @@ and tendons (`armature`), and friction is found for what is moved.
 import functools
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import mujoco
 
@@ -37,6 +38,36 @@ _LIGHTNESS = 0.4
 _PULLEY_MASS = 0.1  # [kg]
 _TOLERANCE = 1e-15  # of the search for friction: MJCF that MuJoCo writes has no number below 1e-12 but 0
 _MOST_JOINTS = 6  # that MuJoCo takes on one body
+
+
+class Implicit(NamedTuple):
+    """Inertia and damping that make springs implicit at a time step; wires have theirs in `load.py`."""
+
+    pulley_damping: float  # [N s / m]
+    pulley_inertia: float  # [kg]
+    element_inertia: float  # [kg]
+    hinge_damping: float  # [N m s / rad]
+    hinge_inertia: float  # [kg m^2]
+
+
+def implicit(preset: Preset, time_step: float) -> Implicit:
+    """Return inertia and damping at a time step [s]."""
+    pulley_damping = 2 * math.sqrt(PULLEY_STIFFNESS * _PULLEY_MASS) + time_step * PULLEY_STIFFNESS  # critical
+    segment = segment_stiffness(preset)
+    hinge_damping = preset.vertebrae * (preset.section_damping + time_step * preset.section_stiffness)
+    bending = preset.section_stiffness + 2 * segment * preset.wire_offset**2
+    return Implicit(
+        pulley_damping,
+        _PULLEY_MASS + time_step * pulley_damping,
+        _LIGHTNESS * segment * time_step**2,
+        hinge_damping,
+        0.3 * _LIGHTNESS * bending * time_step**2 * preset.vertebrae + time_step * hinge_damping,
+    )
+
+
+def constraint_time(time_step: float) -> float:
+    """Return the time constant of the constraints of friction [s], the shortest that MuJoCo takes."""
+    return 2 * time_step
 
 
 @functools.lru_cache(maxsize=64)  # one preset is often simulated many times
@@ -85,7 +116,7 @@ def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
     yields by the difference of the tensions over its stiffness. The other one feeds the velocity forward, so
     that no error in position is needed to move.
     """
-    damping = _pulley_damping(preset)
+    damping = implicit(preset, preset.time_step).pulley_damping
     fixed, affine = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
     for name, dynamics, gain, bias in (
         ("position", mujoco.mjtDyn.mjDYN_INTEGRATOR, PULLEY_STIFFNESS, [0, -PULLEY_STIFFNESS, 0]),
@@ -103,11 +134,6 @@ def _add_motor(spec: mujoco.MjSpec, preset: Preset, plane: str) -> None:
         )
 
 
-def _pulley_damping(preset: Preset) -> float:
-    """Return the damping of a pulley, critical and what makes its spring implicit [N s / m]."""
-    return 2 * math.sqrt(PULLEY_STIFFNESS * _PULLEY_MASS) + preset.time_step * PULLEY_STIFFNESS
-
-
 def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
     """Add pulleys and sheath elements as slide joints of invisible, weightless bodies.
 
@@ -116,13 +142,14 @@ def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
     joint's armature, so the frame it is carried in does not matter. Each wire has a branch of its own below
     the pulleys, as no force couples the elements of two wires, and as few bodies as its slides fit on.
     """
+    law = implicit(preset, preset.time_step)
     pulleys = _add_weightless(tip, "pulleys")
     for plane in PLANES[: preset.bending_planes]:
         pulleys.add_joint(
             name=f"{plane}pulley",
             type=mujoco.mjtJoint.mjJNT_SLIDE,
             axis=[-1, 0, 0],
-            armature=_PULLEY_MASS + preset.time_step * _pulley_damping(preset),
+            armature=law.pulley_inertia,
         )
     for wire in WIRES[: preset.wires]:
         body = pulleys
@@ -133,7 +160,7 @@ def _add_slides(tip: mujoco.MjsBody, preset: Preset) -> None:
                 name=f"sheath_{wire}{element}",
                 type=mujoco.mjtJoint.mjJNT_SLIDE,
                 axis=[-1, 0, 0],
-                armature=_LIGHTNESS * segment_stiffness(preset) * preset.time_step**2,
+                armature=law.element_inertia,
             )
             if preset.bending_planes == 1:
                 joint.frictionloss = _least_sheath_friction(preset)
@@ -169,17 +196,15 @@ def _add_bending_section(spec: mujoco.MjSpec, preset: Preset) -> mujoco.MjsBody:
 def _add_hinge(body: mujoco.MjsBody, preset: Preset, name: str, axis: list[int], curve: float) -> None:
     count = preset.vertebrae
     stiffness = preset.section_stiffness * count
-    damping = preset.section_damping * count + preset.time_step * stiffness
-    bending = preset.section_stiffness + 2 * segment_stiffness(preset) * preset.wire_offset**2
-    inertia = 0.3 * _LIGHTNESS * bending * preset.time_step**2
+    law = implicit(preset, preset.time_step)
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=axis,
         stiffness=[stiffness, 0, stiffness * preset.section_stiffening * count**2],
         springref=curve / count,
-        damping=[damping, 0, 0],
-        armature=inertia * count + preset.time_step * damping,
+        damping=[law.hinge_damping, 0, 0],
+        armature=law.hinge_inertia,
     )
 
 
@@ -275,4 +300,4 @@ def _draw(
 def _make_friction_dry(rubbing: mujoco.MjsJoint | mujoco.MjsTendon, preset: Preset) -> None:
     """Set a near-rigid friction constraint: the defaults turn dry friction into viscous drag."""
     rubbing.solimp_friction = [0.9999, 0.9999, 0.001, 0.5, 2]
-    rubbing.solref_friction = [2 * preset.time_step, 1]
+    rubbing.solref_friction = [constraint_time(preset.time_step), 1]

@@ -39,7 +39,8 @@ class SharedFriction:
     def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
         """Begin with all directions in the first plane."""
         self.direction = np.zeros((len(presets), layout.shared.shape[1]))
-        self._time_step, self._period = presets[0].time_step, presets[0].control_period
+        self.time_step = np.array([p.time_step for p in presets])  # (B,) [s]
+        self.part = np.array([p.control_period for p in presets])  # (B,) time from one update to the next [s]
         groups = hinge_groups(presets[0].vertebrae)
         self._arm = np.array([p.wire_offset for p in presets])[:, None, None]
         self._hinge = np.array([p.section_stiffness * p.vertebrae for p in presets])[:, None, None]
@@ -70,7 +71,7 @@ class SharedFriction:
         before = self.direction[moving]
         along = np.stack([np.cos(before), np.sin(before)], axis=1)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        slid = self._period * np.abs((qvel[moving][:, self._dof] * friction * along).sum(axis=1))
+        slid = self.part[moving, None] * np.abs((qvel[moving][:, self._dof] * friction * along).sum(axis=1))
         lost = slid * (self._stiffness(damping, moving) * (across / friction) ** 2).sum(axis=1)
         held, ahead = (tau * across).sum(axis=1), (tau * along).sum(axis=1)
         # Back along the same line is no turn.
@@ -80,7 +81,7 @@ class SharedFriction:
 
     def _stiffness(self, damping: Array, moving: Index) -> Array:
         """Return the stiffness that holds each member of a pair, (b, 2, pairs) [N / m] and [N m / rad]."""
-        segment = damping[moving] / self._time_step
+        segment = damping[moving] / self.time_step[moving, None, None]
         of_tips = segment[:, :, -1].reshape(len(moving), 2, 2).sum(axis=2)[:, :, None]
         of_hinges = self._hinge[moving] + self._arm[moving] ** 2 * self._size * of_tips
         return self._of_pairs(segment[:, :, :-1] + segment[:, :, 1:], of_hinges)
@@ -129,17 +130,20 @@ class Sticking:
         self._wires: Index = np.arange(len(layout.element)).reshape(len(layout.hinge), -1)
         self._stiction = np.array([preset.stiction for preset in presets])[:, None, None]
         self.grip = np.ones((len(presets), self._wires.shape[1], layout.element.shape[1]))
+        self.share = np.ones(len(presets))  # (B,) of a control period from one update to the next [-]
 
-    def hold(self, sheath: Array, tension: Array) -> None:
+    def hold(self, sheath: Array, tension: Array, moving: Index) -> None:
         """Let go what breaks away, hold what has caught up, and raise the friction of both, in place.
 
         From the friction of sliding (B, wires, elements) and the tension of the segments (B, wires, elements
         + 1), without damping [N].
         """
-        pulled = (np.diff(tension, axis=2) / sheath)[:, self._wires]
+        stiction, grip = self._stiction[moving], self.grip[moving]
+        pulled = (np.diff(tension, axis=2) / sheath)[moving][:, self._wires]
         beyond = np.sqrt((pulled**2).sum(axis=1)) - 1.0
-        slides = (beyond >= BREAKS_AWAY * self._stiction) | (self.grip < 1.0)
-        self.grip[slides] *= FALL
-        self.grip[beyond <= CAUGHT_UP * self._stiction] = 1.0
+        slides = (beyond >= BREAKS_AWAY * stiction) | (grip < 1.0)
+        grip = np.where(slides, grip * FALL ** self.share[moving, None, None], grip)
+        grip[beyond <= CAUGHT_UP * stiction] = 1.0
+        self.grip[moving] = grip
         for wires in self._wires:
-            sheath[:, wires] *= 1 + self._stiction * self.grip
+            sheath[np.ix_(moving, wires)] *= 1 + stiction * grip
