@@ -94,10 +94,14 @@ def test_every_command_has_its_place_among_those_that_are_run():
 def test_lines_of_the_stream_and_recipes_that_are_printed_are_valid(tmp_path):
     copy_samples(tmp_path)
     blocks = documented._FENCE.findall((REPOSITORY / "docs/dataset.md").read_text())
-    (recipe,) = [body for _, language, body in blocks if language == "yaml"]
-    (tmp_path / "recipe.yaml").write_text(recipe)
-    with contextlib.chdir(tmp_path):
-        assert load_recipe(tmp_path / "recipe.yaml").given_lateral_pull_m is not None
+    recipes = []
+    for body in [body for _, language, body in blocks if language == "yaml"]:
+        (tmp_path / "recipe.yaml").write_text(body)
+        with contextlib.chdir(tmp_path):
+            recipes.append(load_recipe(tmp_path / "recipe.yaml"))
+    recorded, drawn = recipes
+    assert recorded.given_lateral_pull_m is not None
+    assert "sheath_bend" in drawn.ranges.to_dict()
     text = (REPOSITORY / "docs/deployment.md").read_text()
     lines = [line for line in text.splitlines() if line.startswith("{")]
     assert len(lines) >= 3

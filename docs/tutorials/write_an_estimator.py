@@ -27,7 +27,7 @@ from twin.estimation.estimator import Estimator
 # %% [markdown]
 # ## A complementary filter
 #
-# The model of hysteresis predicts by how much the angle moves; the measurement shows where it is. A constant share of their difference is taken each sample:
+# The model of hysteresis predicts by how much the angle moves; the measurement shows where it is. Each sample corrects the prediction by a constant share of their difference:
 #
 # $$\theta_k = F(\theta_{k-1}, l_k, l_{k-1}) + g\,(y_k - F(\theta_{k-1}, l_k, l_{k-1}))$$
 #
@@ -107,6 +107,11 @@ for time, pull, seen in ((0.0, 0.0, 0.2), (0.1, 0.1, 1.4), (0.2, 0.2, float("nan
 # )
 # ```
 #
-# is all that `endotwin evaluate --suite full --method-file my_filter.py` needs to have it in every table and figure; nothing of EndoTwin is edited.
-# [my_filter.py](../examples/my_filter.py) is such a file. The benchmark runs it, as `python my_filter.py` would. An estimator that is to stay
-# goes with the same lines into `twin/estimation/`, and into its table of methods: [Contributing](../../CONTRIBUTING.md#adding-an-estimator) says the rest.
+# enters it in every table, figure and ranking; nothing of EndoTwin is edited. [my_filter.py](../examples/my_filter.py) is such a file:
+#
+# ```sh
+# endotwin evaluate data/test --train data/train --model coleman_hodgdon.json --methods C-H AM AM-tuned Complementary --method-file my_filter.py --out results
+# ```
+#
+# `results/tables.md`, `tables.tex` and `ranks.png` compare the methods; `endotwin report results` shows all of it on one page. `--suite full` has more noises.
+# An estimator for EndoTwin itself goes into `twin/estimation/` and its table of methods ([Contributing](../../CONTRIBUTING.md#adding-an-estimator)).
