@@ -163,6 +163,9 @@ def _parse(arguments: type[Arguments], name: str, argv: Sequence[str]) -> Argume
     kinds = r"Error parsing (\S+): no type matching {None}\|{(.+?)} could .*? from (\[.*?\])"
     if wrong := re.search(kinds, message):
         message = "{0} {2}: must be {1}".format(*wrong.groups())
+    if wrong := re.search(r"invalid choice (\S+) for argument '(\S+?)'\. Expected one of \((.*?)\)", message):
+        valid = sorted(set(re.findall(r"'([^']*)'", wrong[3])) - {"None"})
+        message = f"{wrong[2].split('/')[-1]} {wrong[1]}: must be one of {', '.join(valid)}"
     complain(f"{name}: {one_line(message, 200)} (`{name} --help` lists the options)")
     return None
 

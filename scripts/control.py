@@ -49,7 +49,7 @@ class Control(Options):
     tracking_policy: Path | None = None
     """Policy that PPO trained to track (docs/control.md); without it, ppo is left out."""
     controller: tuple[str, ...] = ("all",)
-    """Names of the controllers, or all."""
+    """Names of controllers, of those in docs/control.md, such as linear pid; or all."""
     suite: str = "short"
     """short: Gaussian noise of 1 deg^2 at 50 Hz; full: also other noises, 10 Hz, a fast reference, a sheath
     that bends, a contact at the tip, and endoscopes that no training saw."""
@@ -88,6 +88,7 @@ def control(args: Control) -> Summary:
     from twin.control.comparison import compare, specs_of
     from twin.control.conditions import ControlSettings, find_conditions
     from twin.control.results import (
+        CAPTION,
         RECORD_SIGN,
         RECORDS,
         RESULTS,
@@ -143,7 +144,7 @@ def control(args: Control) -> Summary:
     return Summary(
         line,
         {"out": str(path), "controllers": names, "rows": len(values["rows"])},
-        table=control_table(values["totals"], "plain"),
+        table=f"{CAPTION} Smaller is better.\n\n{control_table(values['totals'], 'plain')}\n",
     )
 
 

@@ -74,10 +74,10 @@ def rows_of(text):
     ]
 
 
-def test_conditions_are_rows_controllers_columns_and_the_last_row_is_the_way():
+def test_conditions_are_rows_controllers_columns_and_the_last_row_is_the_travel():
     assert rows_of(control_table(TOTALS)) == [
         ["condition", "pid", "ours"],
         ["R = 1", "1.00 (2.00)", "0.25 (0.50)"],
         ["bends", "1.50 (3.00)", ""],
-        ["way of the command, R = 1 [mm]", "10.0", "2.5"],
+        ["travel of the command, R = 1 [mm]", "10.0", "2.5"],
     ]

@@ -89,7 +89,7 @@ def test_card_lists_what_varies(tmp_path):
         "- bend of the sheath: 45 deg",  # as far as four episodes come
         "- each episode's endoscope, drawn (SI units): `pretension` [1, 6], `sheath_friction` [0.1, 0.25]",
         "- sensor: white noise of 0.3 deg²",
-        "- seeds: 4, 9, 4 of each",
+        "- seeds: 4, 9, with 4 episodes each",
     ):
         assert line in card.splitlines()
     assert "- camera" not in card

@@ -88,6 +88,8 @@ def test_a_name_or_an_agent_is_given_once(own_table):
 def test_what_is_unknown_is_refused_with_the_valid_names():
     with pytest.raises(ValueError, match=r"unknown method 'AN'; valid: C-H, C-H \(monotone\), Bouc-Wen"):
         find_method("AN")
+    with pytest.raises(ValueError, match=r"unknown method 'AM-tuend' \(did you mean 'AM-tuned'\?\); valid"):
+        find_method("AM-tuend")
     with pytest.raises(ValueError, match=f"unknown agent 'dqn'; valid: {', '.join(trainings())}"):
         find_training("dqn")
 

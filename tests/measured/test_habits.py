@@ -172,6 +172,7 @@ def test_what_a_look_cannot_know_is_left_to_the_user(tmp_path):
     guess = look(tmp_path / "log.csv")
     assert guess.form() is None
     assert "--command-column counts --command-unit UNIT" in guess.command()
+    assert "--command-scale UNITS_PER_COUNT --command-zero COUNTS_AT_ZERO" in guess.command()
     (tmp_path / "log.csv").write_text(READ["no header"][0])
     assert (
         "--no-header --time-column 1 --time-unit s --command-column COLUMN"

@@ -176,6 +176,10 @@ def mistakes(workspace, tmp_path_factory):
             "line 3: angle_deg is 1718.87 deg, which is not from -720",
         ),
         ("import log.csv --command-unit rad --out x", "check --command-unit and --pulley-radius-mm"),
+        (
+            "import log.csv --command-unit counts --out x",
+            "--command-unit 'counts': must be one of deg, m, mm, rad (",
+        ),
         ("import log.csv --name a/b --out x", "--name 'a/b'"),
         ("import log.csv --command-scale nan --out x", "--command-scale nan: must be a finite number"),
         (

@@ -86,7 +86,7 @@ def _conditions(fit: Fit, deviation: Array, total: Array, everything: Array) -> 
             shared = np.abs(everything[place, count:]) / apart
             value = getattr(fit.preset, name)
             found.setdefault(fit.fixed[int(shared.argmax())], []).append(
-                f"{name} {value:.3g} +- {alone[name]:.2g} ({all_of[name]:.2g} in all)"
+                f"{name} {value:.3g} +- {alone[name]:.2g} (+- {all_of[name]:.2g} with it free)"
             )
     return [
         f"with {of} fixed at {getattr(fit.preset, of):.4g}: {', '.join(what)}; the logs cannot separate them"
@@ -141,11 +141,11 @@ def _warnings(fit: Fit, free: FreeParameters, deviation: Array, correlation: Arr
         if not np.isfinite(d):
             warnings.append(f"{name}: the logs do not depend on it")
         elif min(number - low, high - number) < 1e-2:
-            warnings.append(f"{name} = {value:.4g} ran to its limit: the logs do not determine it")
+            warnings.append(f"{name} = {value:.4g} is at its limit: the logs do not determine it")
         elif name not in SIGNED and d > BLIND:
             warnings.append(f"{name} = {value:.4g}: the logs do not determine it")
         elif name not in SIGNED and d > UNKNOWN:
-            warnings.append(f"{name} = {value:.4g} is known to a factor of {np.exp(d):.2g} only")
+            warnings.append(f"{name} = {value:.4g} is uncertain by a factor of {np.exp(d):.2g}")
     for i, j in np.argwhere(np.abs(np.tril(correlation, -1)) > ENTANGLED):
         pair = f"{free.names[j]} and {free.names[i]}"
         warnings.append(f"{pair} cannot be determined separately ({correlation[i, j]:+.3f})")

@@ -217,6 +217,8 @@ def write_record(folder: Path, trial: ControlTrial, settings: ControlSettings, c
 
 TABLE = "control.md"  # file of all tables
 
+CAPTION = "RMSE of tracking [deg] of all trials, in brackets that of the worst twin."
+
 Values = Mapping[str, Any]
 Cells = dict[str, dict[str, str]]
 _ERROR = "{rmse_deg:.2f} ({worst_twin_rmse_deg:.2f})"
@@ -229,8 +231,10 @@ def control_table(totals: Sequence[Values], fmt: str = "markdown") -> str:
     """Return the table of errors: one row a condition, one column a controller [deg]."""
     cells = _cells(totals, _ERROR)
     first = next(iter(cells))
-    ways = {of["controller"]: of["travel_mm"] for of in totals if of["condition"] == first}
-    cells[f"way of the command, {first} [mm]"] = {name: f"{way:.1f}" for name, way in ways.items()}
+    travels = {of["controller"]: of["travel_mm"] for of in totals if of["condition"] == first}
+    cells[f"travel of the command, {first} [mm]"] = {
+        name: f"{travel:.1f}" for name, travel in travels.items()
+    }
     return _table("condition", cells, fmt)
 
 
@@ -238,11 +242,11 @@ def write_tables(folder: Path, values: Values) -> None:
     """Write all tables as Markdown."""
     totals, against = values["totals"], values["comparisons"]
     parts = [
-        "RMSE of tracking [deg] of all trials, in brackets that of the worst twin.",
+        CAPTION,
         control_table(totals),
         "The last 20 s: RMSE [deg], in brackets the largest error.",
         _table("condition", _cells(totals, _LATE)),
-        "Way of the command, mean of a trial [mm].",
+        "Travel of the command, mean of a trial [mm].",
         _table("condition", _cells(totals, "{travel_mm:.1f}")),
     ]
     if against:

@@ -130,7 +130,8 @@ def varying(recipe: Recipe, files: Sequence[SimulatedFile]) -> list[str]:
     if recipe.camera is not None:
         camera = recipe.camera
         lines.append(f"camera: {camera.width} x {camera.height}, {camera.pictures_per_second:g} per second")
-    lines.append(f"seeds: {', '.join(map(str, recipe.seeds))}, {recipe.episodes} of each")
+    each = f"{recipe.episodes} episode{'s' * (recipe.episodes > 1)} each"
+    lines.append(f"seeds: {', '.join(map(str, recipe.seeds))}, with {each}")
     return lines
 
 

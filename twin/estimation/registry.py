@@ -5,6 +5,7 @@ that table. A Python file of a user (`--method-file`) needs no row. This module 
 """
 
 import dataclasses
+import difflib
 import functools
 import importlib
 import pkgutil
@@ -147,7 +148,10 @@ def find_method(name: str) -> MethodSpec:
     """Return the method of a name; raises `ValueError` for an unknown one."""
     spec = method_spec(name)
     if spec is None:
-        raise InputError(f"unknown method {name!r}; valid: {', '.join(s.name for s in method_specs())}")
+        names = [spec.name for spec in method_specs()]
+        close = difflib.get_close_matches(name, names, n=1)
+        guess = f" (did you mean {close[0]!r}?)" if close else ""
+        raise InputError(f"unknown method {name!r}{guess}; valid: {', '.join(names)}")
     return spec
 
 

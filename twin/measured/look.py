@@ -30,6 +30,7 @@ ROLES: Mapping[str, tuple[str, Mapping[str, float]]] = {
     "angle": (r"angle|bend|theta|winkel|tip|tilt|deflection|phi", ANGLE_UNITS),
 }
 """Words in the name of a column of each role, and the units that it may have."""
+_COUNTS = re.compile(r"count|encoder|tick", re.IGNORECASE)
 _FRACTION = re.compile(r"nsec|nanosec|usec|microsec|fraction", re.IGNORECASE)
 
 
@@ -55,6 +56,8 @@ class Guess:
                 step = float(np.median(np.abs(np.diff(known)))) if len(known) > 1 else 0.0
                 likely = (unit for unit, size in TIME_UNITS.items() if 1e-3 <= step * size <= 2)
                 found[f"{role}_unit"] = (next(likely, "UNIT") if role == "time" else "UNIT",)
+                if role == "command" and _COUNTS.search(name):
+                    found |= {"command_scale": ("UNITS_PER_COUNT",), "command_zero": ("COUNTS_AT_ZERO",)}
         return found
 
     def command(self) -> str:

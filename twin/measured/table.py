@@ -610,7 +610,8 @@ def pulling_distance(
     with np.errstate(over="ignore"):
         pull = values * lengths[unit]
         millimetres = pull * 1e3
-    advice = "check `command_unit`" + (f" and {advice}" if unit in ANGLE_UNITS else "")
+    rest = f" and {advice}" if unit in ANGLE_UNITS else "; counts of an encoder need `import --command-scale`"
+    advice = f"check `command_unit`{rest}"
     limits = (-LARGEST_PULL_MM, LARGEST_PULL_MM)
     refuse_implausible(table, name, millimetres, "mm of pulling distance", limits, advice)
     return pull, unit

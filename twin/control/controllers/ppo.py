@@ -52,7 +52,7 @@ class TrackingView:
 
     @property
     def way_mm(self) -> float:
-        """Farthest way of the command in one sample [mm]."""
+        """Farthest travel of the command in one sample [mm]."""
         return self.limits.speed_mm_s * self.sample_time
 
     def smoothed(self, smooth_deg: float, error_deg: float) -> float:
