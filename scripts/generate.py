@@ -137,7 +137,7 @@ def _write(args: Generate, out: Path) -> Summary:
         try:
             written = write_dataset(recipe, out, executor, workers=workers, csv=csv, on_progress=progress)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(": whole episodes stay, the same command goes on from there") from None
+            raise KeyboardInterrupt(": complete episodes are kept; the same command continues") from None
     if warning := recipe.unmet:
         complain(f"endotwin generate: {warning}")
     return _summary(out, recipe.preset.name, written)
@@ -224,7 +224,7 @@ def _verify(folder: Path) -> Summary:
         f"  {_counted(broken[rule], 'fault') if rule in broken else 'holds':<9}  {rule:<11} {what}"
         for rule, what in RULES.items()
     )
-    line = f"{folder}: all {episodes} episodes are whole, their hashes and statistics as dataset.json says"
+    line = f"{folder}: all {episodes} episodes are complete, with the hashes and statistics of dataset.json"
     if faults:
         rules = ", ".join(broken)
         line = f"{folder}: {_counted(len(faults), 'fault')} in {_counted(episodes, 'episode')} ({rules})"

@@ -15,8 +15,8 @@
 # %% [markdown]
 # # A dataset in ten minutes
 #
-# You will make a small dataset of simulated episodes, look into it, and write it in the form of LeRobot. The episodes are short here, so
-# that the page runs in seconds; the last section shows how to make hours of it.
+# You will make a small dataset of simulated episodes, read it, and convert it to a LeRobot dataset. The episodes are short, so that the page
+# runs in seconds; the last section makes a larger one.
 
 # %%
 from concurrent.futures import ThreadPoolExecutor
@@ -26,9 +26,9 @@ import numpy as np
 import twin
 
 # %% [markdown]
-# ## Say what you want
+# ## A recipe
 #
-# A recipe states the endoscope, how far its wires are pulled, and for how long. Everything else has a sensible value.
+# A recipe states the endoscope, how far its wires are pulled, and for how long. Everything else has a default.
 
 # %%
 recipe = twin.Recipe(
@@ -41,9 +41,9 @@ recipe = twin.Recipe(
 )
 
 # %% [markdown]
-# ## Make it
+# ## Generate the dataset
 #
-# Each episode is one MCAP file, written whole or not at all. Stop the program whenever you like: the same call goes on from there.
+# Each episode is one MCAP file, complete or absent. A program that was stopped continues with the same call.
 
 # %%
 folder = Path("data/tutorial")
@@ -62,7 +62,7 @@ print(*sorted(path.name for path in folder.iterdir()), sep="\n")
 # %% [markdown]
 # `README.md` is the card of the dataset; `dataset.json` has the hash and the statistics of each file.
 #
-# ## Look into it
+# ## Read the dataset
 
 # %%
 episodes = twin.read_dataset(folder)
@@ -77,15 +77,15 @@ for episode in episodes:
 # > random-steps: 2.4 to 3.0 mm bend the tip by 1 deg
 
 # %% [markdown]
-# An episode contains the truth and what a sensor measured: here the angle at one pull, on the way there and on the way back.
+# An episode contains the truth and what a sensor measured: here the angle at one pull, once while the pull rises and once while it falls.
 
 # %%
 loop = episodes[0]
 rising = np.gradient(loop.pull_mm) > 0
 near = np.abs(loop.pull_mm) < 0.05
 there, back = loop.truth_deg[near & rising].mean(), loop.truth_deg[near & ~rising].mean()
-print(f"near a pull of zero: {there:.1f} deg on the way up, {back:.1f} deg on the way down")
-# > near a pull of zero: 0.0 deg on the way up, 9.2 deg on the way down
+print(f"near a pull of zero: {there:.1f} deg while it rises, {back:.1f} deg while it falls")
+# > near a pull of zero: 0.0 deg while it rises, 9.2 deg while it falls
 
 # %% [markdown]
 # A notebook shows the loop, and the time course. `loop.to_dataframe()` has the same numbers and all hidden state for pandas, and
@@ -96,7 +96,7 @@ loop.plot()
 # > ![Episode of ureteroscope, signal sine, seed 7, episode 0](../images/tutorials/a_dataset_in_ten_minutes_0.png)
 
 # %% [markdown]
-# It holds the hidden state too: the tension in each length of each wire, from the pulley to the tip. Friction in the sheath leaves less of it
+# It also contains the hidden state: the tension in each length of each wire, from the pulley to the tip. Friction in the sheath leaves less of it
 # at the tip.
 
 # %%
@@ -105,17 +105,17 @@ print("tension of wire a from pulley to tip [N]:", np.round(loop.wire_tension[k,
 # > tension of wire a from pulley to tip [N]: [16.4 15.1 13.8 12.5 11.3 10. ]
 
 # %% [markdown]
-# ## Check it, and hand it on
+# ## Verify and export
 #
-# On the command line, these two verify every hash and number, and write a dataset that LeRobot, pandas and PyTorch read:
+# The first command verifies every hash and number; the second writes a dataset that LeRobot, pandas and PyTorch read:
 #
 # ```sh
 # endotwin generate --verify --out data/tutorial
 # endotwin export data/tutorial --format parquet --out data/tutorial_lerobot
 # ```
 #
-# ## Hours of it
+# ## A larger dataset
 #
 # A recipe can be a YAML file. `endotwin samples` copies one, `mixed.yaml`: forty endoscopes with other friction, two strokes, and a sheath that is
-# bent on the way. `endotwin generate mixed.yaml --out data/mixed` makes its forty minutes in less than one on two cores.
+# bent during the episode. `endotwin generate mixed.yaml --out data/mixed` makes its forty minutes in less than one on two cores.
 # [Datasets](../dataset.md) describes every key and every field.

@@ -15,8 +15,8 @@
 # %% [markdown]
 # # Compensate hysteresis in closed loop
 #
-# You will let the tip follow a sine: first by a straight line from angle to pull, which knows nothing of hysteresis, then by the inverse of a twin, then
-# by that inverse with feedback.
+# The tip is to follow a sine: first by a straight line from angle to pull, which ignores hysteresis, then by the inverse of a twin, then by that inverse
+# with feedback.
 
 # %%
 import numpy as np
@@ -41,7 +41,7 @@ def rmse(error: np.ndarray) -> float:
 # %% [markdown]
 # ## A straight line
 #
-# Some 1 mm of pull bends the tip by 12 degrees, so 8 degrees are two thirds of a millimetre. Where the tip is, and which way it came, is not asked.
+# Some 1 mm of pull bends the tip by 12 degrees, so 8 degrees are two thirds of a millimetre. The line uses neither the position of the tip nor its direction.
 
 # %%
 line = wanted * 1e-3 / np.radians(12)
@@ -51,8 +51,8 @@ print(f"straight line: {rmse(follow(line)):.1f} deg RMSE")
 # %% [markdown]
 # ## The inverse of a twin
 #
-# The reduced twin determines the pull that brings a wanted bend at the next sample. It keeps its friction in its state, and so it knows which way the tip came: at each
-# reversal it pulls on quickly, until friction has turned round everywhere in the sheath.
+# The reduced twin determines the pull that brings a wanted bend at the next sample. Its state contains the friction, so it depends on the direction of motion: at each
+# reversal the command moves quickly, until the friction has reversed everywhere in the sheath.
 
 # %%
 model = twin.ReducedTwins([preset], sample_time=T)
@@ -80,7 +80,7 @@ print(f"inverse, another endoscope: {rmse(follow(pull)):.1f} deg RMSE")
 # %% [markdown]
 # ## With feedback
 #
-# A camera sees the angle. Each sample, the error that is seen is added to what is wanted, a little at a time (an integral controller around the inverse).
+# A camera measures the angle. Each sample adds a share of the measured error to the reference (an integral controller around the inverse).
 
 # %%
 endoscope = twin.ReducedTwins([preset], sample_time=T)  # stands for the device
@@ -96,7 +96,7 @@ print(f"inverse with feedback: {rmse(np.array(errors)[time >= 4]):.1f} deg RMSE"
 # > inverse with feedback: 0.6 deg RMSE
 
 # %% [markdown]
-# `endotwin control` compares eight controllers so, on randomised endoscopes and with a noisy sensor: [closed loop](../control.md). For a look:
+# `endotwin control` compares controllers on randomised endoscopes, with a noisy sensor: [closed loop](../control.md). A short run (a minute):
 #
 # ```sh
 # endotwin control --physics reduced --twins 2 --seconds 5 --candidates 2 --controller linear pid twin-inverse --out results/control

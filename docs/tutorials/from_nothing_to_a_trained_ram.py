@@ -16,7 +16,7 @@
 # # From nothing to a trained RAM
 #
 # You will simulate records, identify a model of their hysteresis, train the paper's estimator (reinforcement active modeling, RAM) on it,
-# and compare it with a plain Kalman filter. The training here is a five-hundredth of the paper's, so that the page runs in a minute.
+# and compare it with a plain Kalman filter. The training here has a five-hundredth of the paper's episodes, so that the page runs in a minute.
 
 # %%
 import subprocess
@@ -62,8 +62,8 @@ print(
 # %% [markdown]
 # ## Training
 #
-# The active model is a Kalman filter that predicts by this model and keeps its error as a second state. A policy learns, by PPO, how much of the
-# residual to believe besides. The paper trains for 2000 episodes: say `--episodes 2000`, and wait some minutes.
+# The active model is a Kalman filter that predicts by this model and keeps its error as a second state. A policy learns, by PPO, a further correction in
+# proportion to the residual. The paper trains for 2000 episodes: `--episodes 2000` takes some minutes.
 
 # %%
 endotwin(
@@ -74,7 +74,7 @@ endotwin(
 # %% [markdown]
 # ## Comparison
 #
-# Both start 20 degrees off, and see the test records under noise that the training has not seen.
+# Both start 20 degrees off, and filter the test records under noise that the training has not seen.
 
 # %%
 filters = {
@@ -89,12 +89,12 @@ for score in scores:
 # > RAM: 1.0 deg RMSE under Gaussian noise of R = 1
 
 # %% [markdown]
-# Even this little training loses the wrong start sooner than the filter alone does. What the whole training reaches, the [results](../results/paper_protocol.md) say. `endotwin evaluate` compares more methods and writes tables and figures,
-# and `endotwin report` puts all of it on a page:
+# Even this short training removes the initial error sooner than the filter alone. The [results](../results/paper_protocol.md) are those of the full training. `endotwin evaluate` compares more methods and writes tables and figures,
+# and `endotwin report` shows all of it on one page:
 #
 # ```sh
 # endotwin evaluate data/test --train data/train --model coleman_hodgdon.json --policy runs/ram/policy.onnx --methods C-H AM AM-tuned RAM --seeds 5 --out results
 # endotwin report .
 # ```
 #
-# [RAM with the physics inside](../ram_twins.md) is this project's own way on from there; it needs no records at all.
+# [RAM with the physics inside](../ram_twins.md) is another estimator of EndoTwin; it needs no training records.

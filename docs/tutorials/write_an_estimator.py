@@ -15,7 +15,7 @@
 # %% [markdown]
 # # Write an estimator
 #
-# You will write an estimator of your own, compare it with the others, and run it on a live stream. It is one class: parameters that stay, and a state that moves.
+# You will write an estimator of your own, compare it with the others, and run it on a live stream. It is one class: constant parameters, and a function from state to state.
 
 # %%
 import dataclasses
@@ -37,7 +37,7 @@ from twin.estimation.estimator import Estimator
 # %%
 @dataclasses.dataclass(frozen=True)
 class Complementary(Estimator[np.ndarray]):
-    """A model of hysteresis, corrected by a constant share of each measurement's surprise."""
+    """A model of hysteresis, corrected by a constant share of each innovation."""
 
     model: twin.ColemanHodgdon
     share: float = 0.2
@@ -77,11 +77,11 @@ for score in twin.evaluate(data, filters, suite="paper-only", seeds=5):
 # > R = 5: active model 7.40 deg RMSE
 
 # %% [markdown]
-# In ten seconds the active model, which trusts its wrong first estimate, has hardly lost it; a constant gain is done within two.
+# The active model relies on its wrong first estimate, and has hardly corrected it after ten seconds; the constant gain has within two.
 #
 # ## Run it on a stream
 #
-# `OnlineEstimator` guards any estimator against late, missing and absurd samples.
+# `OnlineEstimator` protects any estimator from late, missing and implausible samples.
 
 # %%
 live = twin.OnlineEstimator(Complementary(model), sample_time=0.1, initial_bend_deg=0.0)

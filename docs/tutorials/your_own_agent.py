@@ -15,7 +15,7 @@
 # %% [markdown]
 # # Your own agent
 #
-# You will train SAC instead of the paper's PPO on the task of RAM, deploy it as a file that needs no torch, and compare both. The trainings are short, so that the page runs in a minute.
+# You will train SAC instead of the paper's PPO on the task of RAM, deploy it as a file that needs no torch, and compare both. The training runs are short, so that the page runs in a minute.
 
 # %%
 import subprocess
@@ -75,7 +75,7 @@ endotwin(f"{learn} --agent ram --out runs/ram")
 # %% [markdown]
 # ## Comparison
 #
-# Both files are graphs of one full sample, and run alike: in `evaluate`, `gate` and `run`.
+# Both files contain the estimator of one sample, so `evaluate`, `gate` and `run` accept both. `policy.onnx` needs no torch.
 
 # %%
 filters = {name: twin.load_estimator(f"runs/{name}/policy.onnx") for name in ("mine", "ram")}

@@ -35,7 +35,7 @@ def endotwin(words: str) -> None:
 # %% [markdown]
 # ## Measure
 #
-# Pull slowly to and fro over the whole stroke, turn around at several places, and write time, pull and angle into a CSV file.
+# Pull slowly back and forth over the full stroke, reverse at several places, and write time, pull and angle into a CSV file.
 
 # %%
 endotwin("samples --out .")
@@ -49,7 +49,7 @@ with open("bench.csv") as log:
 # %% [markdown]
 # ## Import
 #
-# The columns are named; a unit is what a name ends in. What is odd about the log is said in a line.
+# Flags name the columns; the ending of a name is its unit. Warnings state what is unusual about the log.
 
 # %%
 endotwin("import bench.csv --command-column pull_mm --angle-column angle_deg --out data/measured")
@@ -85,7 +85,7 @@ print(
 # ## Train
 #
 # Twins are drawn from the ranges of the calibrated preset, noise of every kind is put on their angles, and the estimator learns on these. One episode
-# is enough to have a file; the whole training (`--episodes` left out) takes some six minutes.
+# is enough for a file; the full training (without `--episodes`) takes some six minutes.
 
 # %%
 endotwin(
@@ -96,13 +96,13 @@ endotwin(
 # %% [markdown]
 # ## Go or no-go
 #
-# Before it is deployed, the gate tries it on twins that no training has seen, on your log, and under planted faults (some minutes):
+# Before it is deployed, the gate tries it on twins that no training has seen, on your log, and under simulated faults (some minutes):
 #
 # ```sh
 # endotwin gate runs/ram_twins/policy.onnx data/measured --preset preset.yaml --out gate.html
 # ```
 #
-# For an estimator that has hardly been trained it returns no-go.
+# For this short training it returns no-go.
 #
 # ## Run
 #

@@ -117,7 +117,7 @@ def test_kills_leave_whole_files_and_the_same_dataset_in_the_end(kills, undistur
             assert code == 2
             line = printed.splitlines()[-1]
             if "a worker was killed, perhaps for want of memory" in line:
-                assert f"of {EPISODES} episodes are whole, the same command goes on from there" in line
+                assert f"of {EPISODES} episodes are complete; the same command continues" in line
         if folder.exists():
             assert_nothing_damaged(folder, undisturbed)
             if (folder / "dataset.json").exists():

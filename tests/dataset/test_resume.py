@@ -286,7 +286,7 @@ class Failing(Executor):
     [OSError(errno.ENOSPC, "No space left on device", "somewhere/file"), BrokenExecutor("terminated")],
 )
 def test_failure_names_what_is_whole_and_the_same_call_goes_on(whole_dataset, tmp_path, failure):
-    line = "(No space left|a worker was killed).*: 1 of 3 episodes are whole, the same command goes on"
+    line = "(No space left|a worker was killed).*: 1 of 3 episodes are complete; the same command continues"
     with pytest.raises(type(failure), match=line):
         write_dataset(RECIPE, tmp_path, Failing(failure), workers=3, csv=True)
     assert not (tmp_path / "dataset.json").exists()

@@ -190,7 +190,7 @@ def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 def test_every_writer_states_its_kind_and_is_whole(written, capsys):
     assert read_contents(written).source == written.parent.name.rstrip("0123456789")
     assert main(["--verify", "--out", str(written)]) == 0
-    assert "episodes are whole" in capsys.readouterr().out
+    assert "episodes are complete" in capsys.readouterr().out
 
 
 def places(part: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

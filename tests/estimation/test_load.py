@@ -67,7 +67,7 @@ def test_it_survives_a_faulty_stream_and_is_back_within_5_s(trained):
 
 def test_the_file_tells_the_model_and_how_it_was_trained(trained, model):
     if trainings()[read_trained_file(trained).agent].on_twins:
-        with pytest.raises(ValueError, match="does not tell the model"):
+        with pytest.raises(ValueError, match="does not state the model"):
             model_of(trained)
     else:
         assert model_of(trained) == model

@@ -1,4 +1,4 @@
-"""Exporting damaged files: refused, or what is whole of them is taken and the rest is reported."""
+"""Exporting damaged files: refused, or the complete part of them is kept and the rest is reported."""
 
 import json
 from pathlib import Path

@@ -43,8 +43,8 @@ def read(path, content=None):
         (HEADER.replace(b",", b";") + b"0;0;0;0\n", "line 2 has 4 fields, its header has 3$"),
         (HEADER.replace(b",", b"|") + b"0|0|0\n", "its header has 1 column: .* or tabs, not by bars"),
         (HEADER.replace(b",", b" ") + b"0 0 0\n", "its header has 1 column: .* or tabs, not by spaces"),
-        (b"t,knob;bend\n0,1;2\n", "its header has commas and semicolons, and does not tell which of them"),
-        (b"time_s,a;angle_deg\n0,1;2\n", "its header has commas and semicolons, and does not tell which"),
+        (b"t,knob;bend\n0,1;2\n", "its header has commas and semicolons, which may all separate"),
+        (b"time_s,a;angle_deg\n0,1;2\n", "its header has commas and semicolons, which may all separate"),
         (
             SEMICOLONS + b"0;0,5;0\n\n1;1;1.5\n",
             r"line 4: angle_deg is '1\.5', and line 2: command_deg is '0,5': decimals must all have a point",

@@ -40,7 +40,7 @@ def test_full_disk_is_said_in_one_line_and_the_same_command_goes_on(small_disk, 
     assert "Traceback" not in refused.stderr
     line = refused.stderr.splitlines()[-1]
     assert "No space left on device" in line
-    assert f"of {EPISODES} episodes are whole, the same command goes on from there" in line
+    assert f"of {EPISODES} episodes are complete; the same command continues" in line
 
     there = {path.name: path.read_bytes() for path in folder.iterdir()}
     assert "dataset.json" not in there

@@ -107,7 +107,7 @@ def test_nothing_to_recover_gives_one_line(tmp_path):
         (b"time_s,pull_mm", "is not an MCAP file"),
         (b"", "is cut off: it is empty"),
         (without, "nothing can be recovered: metadata record 'endotwin' is missing"),
-        (SPLIT[: offsets(SPLIT, CHUNK)[0]], "nothing can be recovered: 0 samples are whole"),
+        (SPLIT[: offsets(SPLIT, CHUNK)[0]], "nothing can be recovered: 0 samples are complete"),
         (one, "a record needs at least 2 samples, got 1; nothing can be recovered"),
     ):
         with pytest.raises(ValueError, match=reason) as caught:

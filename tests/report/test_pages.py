@@ -144,7 +144,7 @@ def test_a_calibration_is_known_by_its_preset_too_and_one_of_two_must_be_named(t
         "The twin follows the logs within 0.25 deg and predicts what was not fitted within 0.75 deg" in page
     )
     assert f"endotwin gate runs/device/policy.onnx data/measured --preset {folder / 'rig.yaml'}" in page
-    assert "The logs leave parameters open" in page
+    assert "The logs do not determine all parameters" in page
     assert "is nearer to the logs" not in page  # the twin is: 0.25 deg, Coleman-Hodgdon 1.50
     shutil.copy(folder / "rig_fit.json", folder / "other_fit.json")
     with pytest.raises(ValueError, match=r"holds 2 calibrations \(other_fit.json, rig_fit.json\): name one"):

@@ -93,7 +93,7 @@ def test_verify_says_what_is_wrong_and_its_exit_code_is_1(run):
     code, out, _ = run("--verify --out data")
     assert code == 0
     *rules, last = out.splitlines()
-    assert last.startswith("data: all 2 episodes are whole")
+    assert last.startswith("data: all 2 episodes are complete")
     assert [line.split()[:2] for line in rules] == [["holds", rule] for rule in RULES]
     os.remove("data/episode_0000.mcap")
     code, out, err = run("--verify --out data --json")

@@ -99,7 +99,9 @@ def test_what_is_no_address_is_refused_with_an_example(address):
 
 def test_cluster_that_gives_a_task_up_names_what_to_do(cluster):
     with (
-        pytest.raises(BrokenExecutor, match="lost its workers or the task; what is whole stays, the same"),
+        pytest.raises(
+            BrokenExecutor, match="lost its workers or the task; complete files are kept; the same command"
+        ),
         dask_workers(cluster.scheduler_address),
     ):
         raise KilledWorker("make_files", None, 3)

@@ -240,7 +240,7 @@ def _has_own_card(folder: Path, former: SimulatedDataset | None) -> bool:
 def _how_to_go_on(error: OSError | BrokenExecutor, folder: Path, recipe: Recipe) -> Exception:
     """Return the error that states how many episodes are complete, and that the same command continues."""
     there = sum((folder / recipe.file_name(key)).is_file() for key in recipe.keys)
-    rest = f"{there} of {len(recipe.keys)} episodes are whole, the same command goes on from there"
+    rest = f"{there} of {len(recipe.keys)} episodes are complete; the same command continues"
     if isinstance(error, BrokenExecutor):
         return BrokenExecutor(f"a worker was killed, perhaps for want of memory: {rest}")
     if error.errno is None:

@@ -57,4 +57,4 @@ def model_of(path: str | Path) -> HysteresisModel:
     try:
         return ActiveModel.from_dict(description.get("active_model")).model
     except ValueError as error:
-        raise InputError(f"{path} does not tell the model that it was trained with: {error}") from error
+        raise InputError(f"{path} does not state the model that it was trained with: {error}") from error

@@ -27,7 +27,7 @@ class Plan:
     # simulated records are thinned to it, measured logs put on an even grid of it [s]; None keeps their own
     # samples
     sample_time: float | None = None
-    recover: bool = False  # take what is whole of damaged files, which are refused otherwise
+    recover: bool = False  # keep the complete part of damaged files, which are refused otherwise
 
 
 @dataclasses.dataclass
@@ -57,7 +57,7 @@ class Tally:
             whole = sum(file["samples"] for file in self.recovered)
             expected = [file["samples_expected"] for file in self.recovered]
             if None in expected:
-                missing = f"{whole} samples are whole of an unknown number"
+                missing = f"{whole} samples are complete of an unknown number"
             else:
                 gone, all_ = sum(expected) - whole, sum(expected)
                 missing = f"{gone} of {all_} samples ({100 * gone / all_:.1f} %) are missing"

@@ -362,7 +362,7 @@ def _separator(path: Path, header: str, names: Collection[str]) -> str:
     if matches[best] == matches[second]:
         words = " and ".join(SEPARATORS[separator] for separator in held)
         raise InputError(
-            f"{path}: its header has {words}, and does not tell which of them separate the columns: "
+            f"{path}: its header has {words}, which may all separate columns: "
             "quote the names that hold the others"
         )
     return best

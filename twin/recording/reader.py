@@ -411,10 +411,10 @@ class Recovered:
         """Summary in one sentence: the share that is intact, and the fault."""
         count, expected, step = self.samples, self.samples_expected, self.episode.sample_time
         if expected is None:
-            whole = f"{count:,} samples ({count * step:.1f} s) are whole of an unknown number"
+            whole = f"{count:,} samples ({count * step:.1f} s) are complete of an unknown number"
         else:
             seconds = f"{count * step:.1f} of {expected * step:.1f} s"
-            whole = f"{count:,} of {expected:,} samples ({seconds}) are whole"
+            whole = f"{count:,} of {expected:,} samples ({seconds}) are complete"
         return "; ".join([whole, *self.faults])
 
 
@@ -426,7 +426,7 @@ def recover_episode(path: str | Path) -> Recovered:
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is not an MCAP file, or no metadata or fewer than two samples are whole.
+        ValueError: it is not an MCAP file, or no metadata or fewer than two samples are complete.
     """
     path = Path(path)
     contents = read_contents(path)
@@ -443,7 +443,7 @@ def recover_episode(path: str | Path) -> Recovered:
         contents.keep_whole_samples()
         count = len(contents.times[COMMAND_TOPIC])
         if count < 2:
-            raise InputError(f"{count} samples are whole: an episode has two or more")
+            raise InputError(f"{count} samples are complete: an episode has two or more")
         episode = contents.episode()
     expected = episode.metadata.get("samples")
     expected = expected if type(expected) is int and expected >= count else None

@@ -30,8 +30,8 @@ _NEARER = Markup(
     "more parameters (<code>--free</code>), and check the units of the logs and the bend of the sheath."
 )
 _OPEN = Markup(
-    "The logs leave parameters open, as the warnings say: add logs of larger strokes and of other bends of "
-    "the sheath, or fit fewer parameters (<code>--free</code>)."
+    "The logs do not determine all parameters (see the warnings): add logs of larger strokes and of other "
+    "bends of the sheath, or fit fewer parameters (<code>--free</code>)."
 )
 _UNPROVEN = Markup(
     "Nothing shows yet how far the fit carries: give a log that is only predicted (<code>--predict</code>), "

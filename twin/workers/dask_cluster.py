@@ -45,7 +45,7 @@ def dask_workers(address: str, begin: Callable[[], object] | None = None) -> Ite
             yield client.get_executor(pure=False), threads
         except (KilledWorker, CancelledError) as error:
             lost = "the Dask cluster lost its workers or the task"
-            rest = "what is whole stays, the same command goes on from there"
+            rest = "complete files are kept; the same command continues"
             raise BrokenExecutor(f"{lost}; {rest}") from error
 
 
