@@ -113,7 +113,7 @@ def onnx_graph(
     outputs: Sequence[str],
     free: Mapping[str, Sequence[int]],
 ) -> onnx.ModelProto:
-    """Return a module as ONNX; arguments as of `export_module`."""
+    """Return a module as ONNX; arguments as in `export_module`."""
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it names operators of packages not used here
     axes = tuple({axis: torch.export.Dim.DYNAMIC for axis in free.get(name, ())} for name in inputs)
     takes_any = any(

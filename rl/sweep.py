@@ -87,7 +87,7 @@ def train_side_by_side(
 ) -> list[Path]:
     """Train each run into its folder; finished trainings are kept, and started ones continue.
 
-    Arguments as of `train_seeds`. The trained files are in the order of the runs.
+    Arguments as in `train_seeds`. The trained files are in the order of the runs.
     """
     if shares is not None:
         shares.clear()
@@ -155,7 +155,7 @@ def search_settings(
 ) -> list[SettingsTrial]:
     """Try each of the settings and list them in `search.csv`; returns the trials, the best first.
 
-    Finished trials are not repeated; arguments as of `train_seeds`.
+    Finished trials are not repeated; arguments as in `train_seeds`.
     """
     grid = grid_of(options.agent)
     shorter = dataclasses.replace(options, episodes=max(options.episodes // SHORTER, 1))

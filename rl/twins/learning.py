@@ -128,7 +128,7 @@ def learn_gain(
 ) -> None:
     """Train all by back-propagation through the filter, from the checkpoint if there is one.
 
-    `draw` returns a number of sequences of a number of samples, as of a `SequenceSource`.
+    `draw` returns a number of sequences of a number of samples, like a `SequenceSource`.
     """
     typical = TypicalErrors(settings)
     if keeper:

@@ -198,7 +198,7 @@ class RecurrentStep(FilterStep):
         parts: Tensor,
         state: RecurrentState,
     ) -> tuple[Output, RecurrentState]:
-        """Return the estimates and the states one sample later; arguments as of `MemoryStep`.
+        """Return the estimates and the states one sample later; arguments as in `MemoryStep`.
 
         Of `parts`, the first is whether the network is on, the second whether its mean of the noise is used.
         """

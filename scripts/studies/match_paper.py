@@ -194,7 +194,7 @@ class MatchPaper(Options):
     seeds: int = 10
     """Draws of the excitation, from 11 on: the first ten are left for a check."""
     episodes: tuple[int, int] = (4, 5)
-    """Of each, as of `endotwin generate`: for the identification and for the test."""
+    """Of each, as in `endotwin generate`: for the identification and for the test."""
     starts: int = 1
     """Starts of least squares: the preset itself, then draws from the priors."""
     steps: int = 20

@@ -35,7 +35,7 @@ def read_episodes(paths: Sequence[Path], sample_time: float) -> list[Episode]:
 
 
 def true_records(paths: Sequence[Path], sample_time: float) -> list[tuple[Array, Array]]:
-    """Return `(pull_mm, truth_deg)` of each episode, to train on; errors as of `read_episodes`.
+    """Return `(pull_mm, truth_deg)` of each episode, to train on; errors as in `read_episodes`.
 
     Where the angle of a measured log is not known, it is linear between its neighbours.
     """
@@ -43,7 +43,7 @@ def true_records(paths: Sequence[Path], sample_time: float) -> list[tuple[Array,
 
 
 def evaluation_records(paths: Sequence[Path], sample_time: float) -> list[Record]:
-    """Return test records: each episode from its first known angle on; errors as of `read_episodes`.
+    """Return test records: each episode from its first known angle on; errors as in `read_episodes`.
 
     The truth of a simulated episode is known throughout; that of a measured log, where it was measured.
     """

@@ -33,7 +33,7 @@ class TrackHead(BaseModel):
 
 
 class RunsHead(BaseModel):
-    """Line of `evaluation.json` whose runs follow; fields as of `Score`."""
+    """Line of `evaluation.json` whose runs follow; fields as in `Score`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 

@@ -82,7 +82,7 @@ def error_of(model: HysteresisModel, logs: Sequence[Log], nuisances: Nuisances, 
 def determines_delay(pull_mm: Array) -> bool:
     """Return whether a command (N,) [mm] separates delay and hysteresis: it must have more than one speed.
 
-    At a single speed, as of a triangle, a delay is a play of the width that the command covers in it.
+    At a single speed, as with a triangle, a delay is a play of the width that the command covers in it.
     """
     speed = np.abs(np.diff(pull_mm))
     moving = speed[speed > 0.05 * speed.max(initial=0.0)]

@@ -39,7 +39,7 @@ LARGEST = 6.0
 DOUBTFUL = 2.5  # from which the interval includes the prediction
 AGREES, AGREES_S, AGREES_DEG, AGREES_STILL_S = 3.0, 2.0, 4.0, 10.0
 """Standard deviations within which a sensor must stay, how long, and along which motion, until it is
-used; how long where nothing moves, as of an endoscope that is held."""
+used; how long where nothing moves, as in an endoscope that is held."""
 SHARE_OF_MOTION = 0.4, 1.7  # of the predicted motion, that it must show: those of healthy endoscopes
 FIRST_USUAL, FIRST_DEG, MOST_DEG = 4.0, 5.0, 300.0
 """Usual square of a departure before anything is known, and the motion of the twins that it counts for;
@@ -87,7 +87,7 @@ class SensorCheck:
         sample_time: float,  # T [s]
         noise_variance: float,  # R [deg^2]
         zero_deviation_deg: float,  # of what is known of the sensor's zero
-        kept: Any = None,  # as of the samples, see `push`
+        kept: Any = None,  # like the samples, see `push`
     ):
         """Begin with nothing known but the noise of the sensor."""
         self.alarm, self.doubted, self.kept, self.moved_zero_deg = 0, False, kept, 0.0

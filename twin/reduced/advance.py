@@ -42,7 +42,7 @@ class Workspace(NamedTuple):
 class Trace(NamedTuple):
     """Positions of one endoscope at S samples, and how far its friction had drifted."""
 
-    element: Array  # (S, P, 2 E) as of `ReducedState`; so are the next two
+    element: Array  # (S, P, 2 E) as in `ReducedState`; so are the next two
     hinge: Array  # (S, P, G)
     pulley: Array  # (S, P)
     drift: Array  # (S,) factor on the sheath's friction

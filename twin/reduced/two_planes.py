@@ -80,7 +80,7 @@ OF_FORCE, OF_FRICTION, OF_SLIP = 5, 7, 9
 
 
 class Positions(NamedTuple):
-    """Positions and slip of two planes, as of `ReducedState`."""
+    """Positions and slip of two planes, as in `ReducedState`."""
 
     element: Array  # (2, 2 E) [m]
     hinge: Array  # (2, G) [rad]

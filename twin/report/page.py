@@ -258,7 +258,7 @@ def origin_command(origin: Origin | None, out: str) -> tuple[str, ...]:
 
 
 def flat_facts(values: Mapping[str, Any], prefix: str = "") -> Facts:
-    """Return names and values of nested mappings; of a list of mappings, as of files, its length."""
+    """Return names and values of nested mappings; of a list of mappings, or of files, its length."""
     entries: list[tuple[str, str]] = []
     for key, value in values.items():
         name = f"{prefix}{key}".replace("_", " ")

@@ -45,7 +45,7 @@ class NoiseDensity:
     rough: bool = False  # it only stands for the sensor: counts with little dither, errors of the angle
 
     def log_density(self, innovation_deg: Array, spread_deg: float) -> Array:
-        """Return the log-density of innovations [of 1 / deg]; arguments as of `score`."""
+        """Return the log-density of innovations [of 1 / deg]; arguments as in `score`."""
         row, peak = _between(self.log_densities, spread_deg), _between(self.log_peaks, spread_deg)
         found: Array = peak + np.interp(innovation_deg, _INNOVATIONS, row) / (self.variance + spread_deg**2)
         return found

@@ -95,7 +95,7 @@ def simulate_batch(
     threads: int = 0,
     on_sample: Callable[[int, int], None] | None = None,
 ) -> list[Episode | None]:
-    """Simulate B endoscopes at once, each along its own command; other arguments as of `simulate`.
+    """Simulate B endoscopes at once, each along its own command; other arguments as in `simulate`.
 
     Args:
         presets: endoscopes with equal numbers of planes, vertebrae and elements and equal time steps.

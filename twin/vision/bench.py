@@ -139,7 +139,7 @@ class Bench:
         return pictures[0], pictures[1]
 
     def stand(self, links: Frames, index: int) -> None:
-        """Place the endoscope in a pose, frames as of `link_frames`, without board and rod."""
+        """Place the endoscope in a pose, frames as in `link_frames`, without board and rod."""
         self._drawn.stand(links, index)
         self._drawn.place("rod", AWAY, np.eye(3))
 

@@ -92,12 +92,12 @@ class DrawnEndoscope:
         self.place_sheath(sheath_frames(preset, 0.0))
 
     def stand(self, links: Frames, index: int) -> None:
-        """Set the pose of the bending section to that of a sample, as of `link_frames`."""
+        """Set the pose of the bending section to that of a sample, as in `link_frames`."""
         for number in range(self.preset.vertebrae):
             self.place(f"link_{number}", links.position[index, number], links.rotation[index, number])
 
     def place_sheath(self, frames: Frames) -> None:
-        """Bend the sheath along its frames, from the base to the pulley, as of `sheath_frames`."""
+        """Bend the sheath along its frames, from the base to the pulley, as in `sheath_frames`."""
         for number in range(SHEATH_BONES + 1):
             self.place(f"sheath_{number}", frames.position[number], frames.rotation[number])
         if self._overview:
@@ -126,7 +126,7 @@ class DrawnEndoscope:
         self._canvas = Canvas(self.model, width, height)
 
     def draw(self, view: View) -> Layer:
-        """Return a picture as of `Canvas.draw`; the canvas must have been opened."""
+        """Return a picture as in `Canvas.draw`; the canvas must have been opened."""
         mujoco.mj_kinematics(self.model, self._data)
         mujoco.mj_camlight(self.model, self._data)
         return self._canvas.draw(self._data, view)
