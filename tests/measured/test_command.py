@@ -46,7 +46,10 @@ def test_angle_over_phase_becomes_a_pull_at_the_stated_rate(tmp_path, preset):
             "time_s,pull_mm\n0,1\n1e6,2\n",
             "lasts 1e\\+06 s, at most 100000 s are simulated: check `time_unit`",
         ),
-        ("time_s,pull_mm\n0,1\n1,2000\n", "line 3: pull_mm is 2000 mm of .* check `command_unit`$"),
+        (
+            "time_s,pull_mm\n0,1\n1,2000\n",
+            "line 3: pull_mm is 2000 mm of .* check `command_unit`; counts of an encoder need `import --command-scale`$",
+        ),
     ],
 )
 def test_a_file_that_is_no_command_is_refused(tmp_path, preset, text, message):
