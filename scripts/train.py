@@ -40,7 +40,7 @@ class Train(Options):
     --episodes is larger.
 
     Examples:
-        endotwin train data/train --model coleman_hodgdon.json --agent ram --episodes 2000 --out runs/ram
+        endotwin train data/train --model coleman_hodgdon.json --agent ram --episodes 2000 --out runs/paper
         endotwin train --agent ram --protocol twins --preset ureteroscope --seed 1 --out runs/ram_twins
     """
 
