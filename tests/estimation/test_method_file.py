@@ -101,16 +101,16 @@ def test_what_cannot_be_used_is_refused_in_one_line(text, message, tmp_path):
         (
             "def step(",
             "def other(",
-            r"mine\.py, line 35: TypeError: Can't instantiate abstract class .* step",
+            r"mine\.py, line 39: TypeError: Can't instantiate abstract class .* step",
         ),
-        ("Complementary(known.reference)", "known.other", r"mine\.py, line 35: AttributeError: 'Knowledge' "),
+        ("Complementary(known.reference)", "known.other", r"mine\.py, line 39: AttributeError: 'Knowledge' "),
         ("Complementary(known.reference)", "3", "its `build` returned 3: must be an object of a class that"),
         (
             "+ self.share",
             "+ self.shares",
-            r"mine\.py, line 26: AttributeError: 'Complementary' object has no",
+            r"mine\.py, line 30: AttributeError: 'Complementary' object has no",
         ),
-        ("return predicted", "return predicted[:2]", r"mine\.py, line 26: ValueError: operands could not be"),
+        ("return predicted", "return predicted[:2]", r"mine\.py, line 30: ValueError: operands could not be"),
         (
             "Complementary(known.reference)",
             "len",
