@@ -122,16 +122,17 @@ class EndoscopeBatch:
             strides[moving, plane] = target[moving] - self._act[moving, plane]
             speed = strides[:, plane, None] / self.presets[0].control_period
             self._ctrl[:, 2 * plane : 2 * plane + 2] = speed
-        ways = strides.tolist()
+        of_each = strides.tolist()
         for index in moving.tolist():
-            self._divisions[index].advance(ways[index])
+            self._divisions[index].advance(of_each[index])
         self._divide(moving)
         for parts in np.unique(self._parts[moving]).tolist():
             together = moving[self._parts[moving] == parts]
             ids = None if len(together) == len(self.presets) else together
+            travel = np.abs(strides[together]).sum(axis=1) / parts
             for _ in range(parts):
                 self._follow_load(inputs[:, 2], together)
-                self._travel[together] += np.abs(strides[together]).sum(axis=1) / parts
+                self._travel[together] += travel
                 self._batch.step(ids=ids, nstep=self._steps[together[0]])
                 if self._loads.needs_constraint_feedback:
                     self._loads.observe_constraints(self._constraint, together)
@@ -147,7 +148,7 @@ class EndoscopeBatch:
             self._steps[index], time_step = division.steps()
             self._time_step[index] = time_step
             write_time_step(self.presets[index], self.layout, self._stepped[index], time_step)
-            self._loads.divide(index, self._steps[index] * time_step, time_step, 1 / division.parts)
+            self._loads.divide(index, self._steps[index] * time_step, time_step)
 
     def _let_go(self, models: Sequence[mujoco.MjModel]) -> None:
         curved = np.array([any(preset.initial_bends) for preset in self.presets])

@@ -178,7 +178,8 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
             stride = drive.advance(command) - self._act.item(plane)
             self._ctrl[2 * plane : 2 * plane + 2] = stride / period
             strides.append(stride)
-        if self._division.parts != self._division.advance(strides):
+        before = self._division.parts
+        if self._division.advance(strides) != before:
             self._divide()
         model, data = self._pair
         start, each = data.time, sum(map(abs, strides)) / self._division.parts
@@ -202,7 +203,7 @@ class Endoscope(dm_mujoco.Physics):  # type: ignore[misc]  # dm_control has no t
         self._steps, time_step = self._division.steps()
         self._pair[0].opt.timestep = time_step
         write_time_step(self.preset, self.layout, self._stepped, time_step)
-        self._loads.divide(0, self._steps * time_step, time_step, 1 / self._division.parts)
+        self._loads.divide(0, self._steps * time_step, time_step)
 
     def push_tip(self, force: float) -> None:
         """Push the last vertebra sideways by a force [N] from now on, towards more bend; 0 ends it.

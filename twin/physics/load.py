@@ -62,7 +62,7 @@ class LoadLaw(NamedTuple):
     routing: Array  # (B,) friction of wires on vertebrae times moment arm [m]
     wrapped: Array  # (vertebrae, groups) share of the turn of each hinge that one of each group feels [-]
     time_step: Array  # (B,) [s]
-    ahead: Array  # (B,) how far ahead a segment counts as taut [s]
+    part: Array  # (B,) time from one update to the next [s]
 
 
 @entry
@@ -92,7 +92,7 @@ def follow_load(
     wires, elements = law.element.shape
     planes, (vertebrae, groups) = len(law.pulley), law.wrapped.shape
     for b in moving:
-        time_step, ahead = law.time_step[b], law.ahead[b]
+        time_step, ahead = law.time_step[b], 2 * law.part[b]
         arm, stiffness, quadratic, own = law.wire[b, 0], law.wire[b, 1], law.wire[b, 2], law.wire[b, 3]
         for plane in range(planes):
             bend, bend_rate = 0.0, 0.0
@@ -215,7 +215,7 @@ class Loads:
         self._warm_up, self._warm_up_time = each("friction_warm_up"), each("warm_up_time")
         self._wear = each("friction_wear")
         self.drifts = bool(self._warm_up.any() or self._wear.any())
-        self._of_bend, self._drifted = np.empty(0), False
+        self._of_bend = np.empty(0)
         wire = [
             (p.wire_offset, segment_stiffness(p), quadratic_stiffness(p), p.wire_damping * (elements + 1))
             for p in presets
@@ -233,24 +233,21 @@ class Loads:
             routing=each("routing_friction") * each("wire_offset"),
             wrapped=np.stack([of_hinges[:, group].mean(axis=1) for group in hinge_groups(vertebrae)], axis=1),
             time_step=each("time_step"),
-            ahead=2 * each("control_period"),
+            part=each("control_period"),
         )
         self._half_share, self._floor_now = np.empty(len(presets)), np.empty(len(presets))
         two, sticks = len(layout.hinge) == 2, any(preset.stiction for preset in presets)
-        self.shared = SharedFriction(presets, layout) if two else None
-        self.sticking = Sticking(presets, layout) if sticks else None
+        clock = self._law.time_step, self._law.part  # which `divide` changes
+        self.shared = SharedFriction(presets, layout, *clock) if two else None
+        self.sticking = Sticking(presets, layout, self._law.part) if sticks else None
 
     def drift(self, time: Array, travel: Array) -> Array:
         """Return the factor (B,) of sheath friction after times [s] and travels of the pulleys [m], (B,)."""
         return friction_drift(self._warm_up, self._warm_up_time, self._wear, time, travel)
 
-    def divide(self, index: int, part: float, time_step: float, share: float) -> None:
-        """Let one endoscope be updated after each `part` [s], a share of its control period, from now on."""
-        self._law.time_step[index], self._law.ahead[index] = time_step, 2 * part
-        if self.shared is not None:
-            self.shared.time_step[index], self.shared.part[index] = time_step, part
-        if self.sticking is not None:
-            self.sticking.share[index] = share
+    def divide(self, index: int, part: float, time_step: float) -> None:
+        """Let one endoscope be updated after each part of its control period from now on, in steps [s]."""
+        self._law.time_step[index], self._law.part[index] = time_step, part
 
     def follow(self, sheath_bend: Array, drift: Array | None, moving: Index) -> None:
         """Rewrite friction and damping of the endoscopes `moving` to the load of the present state.
@@ -259,13 +256,13 @@ class Loads:
         """
         rewritten = self.rewritten
         same_bend = sheath_bend is self._of_bend or np.array_equal(sheath_bend, self._of_bend)
-        if drift is not None or self._drifted or not same_bend:
+        if drift is not None or not same_bend:
             factor = np.ones(len(sheath_bend)) if drift is None else drift
             wrapped = self._friction * factor * (sheath_bend + self._bend_offset)
             self._half_share[:] = friction_per_tension(wrapped, 1.0, self.layout.element.shape[1]) / 2
             floor = friction_floor(self._floor, self._growth, self._exponent, sheath_bend)
             self._floor_now[:] = floor * factor
-            self._of_bend, self._drifted = sheath_bend, drift is not None
+            self._of_bend = sheath_bend if drift is None else np.empty(0)
         follow_load(self._law, rewritten, self._qpos, self._qvel, self._half_share, self._floor_now, moving)
         if self.sticking is not None:
             self.sticking.hold(rewritten.sheath, self.wires.tension_and_slack(self._qpos)[0], moving)

@@ -36,11 +36,10 @@ class SharedFriction:
     the plane of wires a and b.
     """
 
-    def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
-        """Begin with all directions in the first plane."""
+    def __init__(self, presets: Sequence[Preset], layout: Layout, time_step: Array, part: Array) -> None:
+        """Begin with all directions in the first plane; `time_step` and `part` are those of `LoadLaw`."""
         self.direction = np.zeros((len(presets), layout.shared.shape[1]))
-        self.time_step = np.array([p.time_step for p in presets])  # (B,) [s]
-        self.part = np.array([p.control_period for p in presets])  # (B,) time from one update to the next [s]
+        self._time_step, self._part = time_step, part
         groups = hinge_groups(presets[0].vertebrae)
         self._arm = np.array([p.wire_offset for p in presets])[:, None, None]
         self._hinge = np.array([p.section_stiffness * p.vertebrae for p in presets])[:, None, None]
@@ -71,7 +70,7 @@ class SharedFriction:
         before = self.direction[moving]
         along = np.stack([np.cos(before), np.sin(before)], axis=1)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        slid = self.part[moving, None] * np.abs((qvel[moving][:, self._dof] * friction * along).sum(axis=1))
+        slid = self._part[moving, None] * np.abs((qvel[moving][:, self._dof] * friction * along).sum(axis=1))
         lost = slid * (self._stiffness(damping, moving) * (across / friction) ** 2).sum(axis=1)
         held, ahead = (tau * across).sum(axis=1), (tau * along).sum(axis=1)
         # Back along the same line is no turn.
@@ -81,7 +80,7 @@ class SharedFriction:
 
     def _stiffness(self, damping: Array, moving: Index) -> Array:
         """Return the stiffness that holds each member of a pair, (b, 2, pairs) [N / m] and [N m / rad]."""
-        segment = damping[moving] / self.time_step[moving, None, None]
+        segment = damping[moving] / self._time_step[moving, None, None]
         of_tips = segment[:, :, -1].reshape(len(moving), 2, 2).sum(axis=2)[:, :, None]
         of_hinges = self._hinge[moving] + self._arm[moving] ** 2 * self._size * of_tips
         return self._of_pairs(segment[:, :, :-1] + segment[:, :, 1:], of_hinges)
@@ -125,12 +124,12 @@ class Sticking:
     are wires a and b, or with two planes a with c and b with d.
     """
 
-    def __init__(self, presets: Sequence[Preset], layout: Layout) -> None:
-        """Begin with all at rest."""
+    def __init__(self, presets: Sequence[Preset], layout: Layout, part: Array) -> None:
+        """Begin with all at rest; `part` is that of `LoadLaw`."""
         self._wires: Index = np.arange(len(layout.element)).reshape(len(layout.hinge), -1)
         self._stiction = np.array([preset.stiction for preset in presets])[:, None, None]
         self.grip = np.ones((len(presets), self._wires.shape[1], layout.element.shape[1]))
-        self.share = np.ones(len(presets))  # (B,) of a control period from one update to the next [-]
+        self._part, self._period = part, presets[0].control_period
 
     def hold(self, sheath: Array, tension: Array, moving: Index) -> None:
         """Let go what breaks away, hold what has caught up, and raise the friction of both, in place.
@@ -141,8 +140,9 @@ class Sticking:
         stiction, grip = self._stiction[moving], self.grip[moving]
         pulled = (np.diff(tension, axis=2) / sheath)[moving][:, self._wires]
         beyond = np.sqrt((pulled**2).sum(axis=1)) - 1.0
+        fall = FALL ** (self._part[moving] / self._period)
         slides = (beyond >= BREAKS_AWAY * stiction) | (grip < 1.0)
-        grip = np.where(slides, grip * FALL ** self.share[moving, None, None], grip)
+        grip = np.where(slides, grip * fall[:, None, None], grip)
         grip[beyond <= CAUGHT_UP * stiction] = 1.0
         self.grip[moving] = grip
         for wires in self._wires:
