@@ -43,7 +43,7 @@ def test_slack_is_what_the_way_of_the_wire_leaves_over(twin):
 def test_opposite_pulls_bend_to_opposite_sides_and_bend_rises_with_pull(twin):
     up = twin.simulate(PRESET, ramp_and_rest(AMPLITUDE), SAMPLE_TIME)
     down = twin.simulate(PRESET, ramp_and_rest(-AMPLITUDE), SAMPLE_TIME)
-    np.testing.assert_allclose(down.bend, -up.bend, atol=5e-6)
+    np.testing.assert_allclose(down.bend, -up.bend, atol=3e-6)
     np.testing.assert_allclose(down.wire_tension, up.wire_tension[:, ::-1], atol=1e-4)
     moving = up.bend[: len(up.bend) - 50]
     assert (np.diff(moving) >= -1e-9).all()
