@@ -5,7 +5,6 @@ that table. A Python file of a user (`--method-file`) needs no row. This module 
 """
 
 import dataclasses
-import difflib
 import functools
 import importlib
 import pkgutil
@@ -17,6 +16,7 @@ from twin.errors import InputError
 from twin.estimation.methods import METHODS, UNLISTED, Presentation
 from twin.estimation.methods import Style as Style
 from twin.files.program import run_program
+from twin.files.shown import suggestion
 
 if TYPE_CHECKING:
     from twin.estimation.estimator import Estimator
@@ -149,9 +149,7 @@ def find_method(name: str) -> MethodSpec:
     spec = method_spec(name)
     if spec is None:
         names = [spec.name for spec in method_specs()]
-        close = difflib.get_close_matches(name, names, n=1)
-        guess = f" (did you mean {close[0]!r}?)" if close else ""
-        raise InputError(f"unknown method {name!r}{guess}; valid: {', '.join(names)}")
+        raise InputError(f"unknown method {name!r}{suggestion(name, names)}")
     return spec
 
 

@@ -1,11 +1,13 @@
 """Values of files in messages: cut before they are written out, so that a message costs little."""
 
+import difflib
 import re
 import reprlib
 from typing import Any
 
 LONGEST = 40  # characters of a value in a message
 LONGEST_PATH = 180  # characters of a path in a message
+LONGEST_NAME = 120  # characters of a name that are compared with others
 
 _REPR = reprlib.Repr()
 _REPR.maxlevel = 2
@@ -28,6 +30,13 @@ def cut(text: object, most: int = 120) -> str:
     """Return a text in one line of printable characters, cut."""
     line = printable(" ".join(str(text)[: 4 * most].split()))
     return line if len(line) <= most else f"{line[: most - 3]}..."
+
+
+def suggestion(name: str, names: list[str]) -> str:
+    """Return a hint for an unknown name: a close match, if there is one, and valid names, cut to a line."""
+    close = difflib.get_close_matches(name[:LONGEST_NAME], names, n=1)
+    guess = f" (did you mean {close[0]!r}?)" if close else ""
+    return f"{guess}; valid: {cut(', '.join(names), 130)}"
 
 
 def named(path: object) -> str:

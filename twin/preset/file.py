@@ -7,8 +7,8 @@ from typing import Any
 from twin.errors import InputError, MissingFileError
 from twin.files.assets import assets_folder
 from twin.files.bounded import MEBIBYTE
-from twin.files.shown import shown
-from twin.preset.preset import Preset, suggestion
+from twin.files.shown import shown, suggestion
+from twin.preset.preset import Preset
 from twin.preset.sensor import KEY, SensorModel
 
 MOST_BYTES = MEBIBYTE  # of a preset's file

@@ -1,14 +1,13 @@
 """Physical parameters of one endoscope: a frozen dataclass, read from a YAML preset and checked."""
 
 import dataclasses
-import difflib
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from twin.errors import InputError
-from twin.files.bounds import LONGEST_NAME, check_name
-from twin.files.shown import cut, shown
+from twin.files.bounds import check_name
+from twin.files.shown import shown, suggestion
 
 
 def _within(default: float, low: float, high: float) -> Any:
@@ -194,13 +193,6 @@ def _check(field: "dataclasses.Field[Any]", value: Any) -> None:
         rule = f"must be from {low:g} to {high:g}"
     if rule:
         raise InputError(f"preset parameter {field.name} = {shown(value)}: {rule}")
-
-
-def suggestion(name: str, names: list[str]) -> str:
-    """Return a hint for an unknown name: a close match, if there is one, and valid names, cut to a line."""
-    close = difflib.get_close_matches(name[:LONGEST_NAME], names, n=1)
-    guess = f" (did you mean {close[0]!r}?)" if close else ""
-    return f"{guess}; valid: {cut(', '.join(names), 130)}"
 
 
 def at_sample_time(preset: Preset, sample_time: float) -> Preset:

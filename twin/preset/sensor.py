@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.files.shown import shown
-from twin.preset.preset import ZERO_DEVIATION_DEG, Preset, suggestion
+from twin.files.shown import shown, suggestion
+from twin.preset.preset import ZERO_DEVIATION_DEG, Preset
 
 Array = NDArray[np.float64]
 AnyFloat = TypeVar("AnyFloat", float, Array)

@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from twin.errors import InputError
-from twin.files.shown import shown
-from twin.preset.preset import suggestion
+from twin.files.shown import shown, suggestion
 
 METHODS = ("markers", "silhouette")
 """Methods of measurement: markers on tip and shaft, or the centre line of the silhouette."""
