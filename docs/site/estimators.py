@@ -86,7 +86,7 @@ def _page(spec: MethodSpec) -> str:
         facts.append(("trained on", f"{on}, by `endotwin train {_agent(spec.training)}`"))
     if spec.trained_as:
         facts.append(("runs on", f"the trained file of {agent_names()[spec.trained_as]}"))
-    if spec.oracle or spec.presentation.is_limit:
+    if spec.oracle or spec.needs_density:
         facts.append(("deployable", "no: it knows what no device tells"))
     if spec.presentation.paper_column is not None:
         facts.append(("in the paper", "Tables II and III"))
@@ -166,7 +166,7 @@ def _text(module: str) -> str:
 
 
 def _try(spec: MethodSpec) -> str:
-    if spec.trained_as or spec.presentation.is_limit or spec.presentation.family == "ensemble":
+    if spec.trained_as or spec.ensembles:
         return f"`endotwin evaluate --suite full --methods {_quoted(spec)} --out results` compares it."
     lines = [f"endotwin evaluate data/test --train data/train --methods {_quoted(spec)} --out results"]
     if spec.training:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from twin.errors import InputError
+from twin.estimation.registry import method_specs
 from twin.evaluation.ranking import Ranking, competes, holm, rank_methods, rankings_of, times_reference
 
 C, R, S = 2, 8, 12
@@ -91,15 +92,22 @@ def test_statements_hold_together():
     assert holm([]) == []
 
 
-def test_oracles_and_ensembles_are_no_first():
-    common = shared()
-    squares = {"Truth": 0.01 * common, "Ensemble": 0.25 * common, "AM": common, "RAM": 4 * common}
+def test_oracles_and_methods_that_know_the_density_are_no_first():
+    """An ensemble that knows R alone could be deployed."""
+    common, limit = shared(), "Ensemble (limit)"
+    squares = {"Truth": 0.01 * common, limit: 0.25 * common, "Ensemble": common, "RAM": 4 * common}
     found = named(rank_methods(squares, ("Truth",)))
     assert [found[name].rank for name in squares] == [None, None, 1, 2]
-    assert found["Ensemble"].to_best_ci95 == pytest.approx((0.5, 0.5))
+    assert found[limit].to_best_ci95 == pytest.approx((0.5, 0.5))
     assert not competes("Truth", oracle=True)
-    assert not competes("Ensemble")
     assert competes("a filter of somebody")
+
+
+def test_what_no_device_knows_is_no_rival():
+    """Of all methods without the truth, those that are given the density of the noise, and no other."""
+    apart = [spec.name for spec in method_specs() if not competes(spec.name, spec.oracle)]
+    assert set(apart) == {spec.name for spec in method_specs() if {"law", "truth"} & set(spec.given)}
+    assert {"RAM (oracle)", "Ensemble (limit)", "Particles (limit)"} < set(apart)
 
 
 def test_one_run_says_nothing_of_how_sure_it_is():

@@ -107,7 +107,7 @@ def ranked(method, rmse, rank, best_rank, to_best):
 FIRST = ranked("RAM (twins)", 0.32, 1, 1, (1.0, 1.0))
 LEVEL = ranked("KalmanNet", 0.33, 2, 1, (0.98, 1.1))
 WORSE = ranked("AM", 3.0, 3, 3, (8.0, 11.0))
-APART = ranked("Ensemble", 0.2, None, None, (0.5, 0.7))
+APART = ranked("Ensemble (limit)", 0.2, None, None, (0.5, 0.7))
 
 
 def test_rank_figure_has_a_panel_for_each_group_and_fills_the_level_ones():

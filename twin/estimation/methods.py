@@ -23,7 +23,7 @@ class Style:
 class Presentation:
     """Presentation of a method in comparisons."""
 
-    family: Family  # kind of method; ensembles are references for the others, and have no rank
+    family: Family  # kind of method
     in_paper_suite: bool = False  # whether the suite `paper` compares it
     on_request: bool = False  # the suite `full` compares it only where it is named or its file is given
     in_paper_tables: bool = False  # whether the full suite shows it in the paper's tables too
@@ -100,7 +100,7 @@ METHODS: dict[str, Presentation] = {
     "RAM (twins)": Presentation(
         "learned", in_paper_tables=True, leading=True, style=Style("#14438b", "solid", 1.6)
     ),
-    "RAM (twins), filter alone": Presentation("ensemble"),
+    "RAM (twins), filter alone": Presentation("learned"),
     "Ensemble": Presentation("ensemble"),
     "Ensemble with bias": Presentation("ensemble", on_request=True),
     "Particles (families)": Presentation("ensemble", on_request=True),

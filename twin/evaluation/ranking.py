@@ -40,7 +40,7 @@ class MethodRank:
     method: Name  # name in the tables
     rmse_deg: Positive  # geometric mean over noises of its RMSE [deg]
     rmse_ci95_deg: tuple[Positive, Positive] | None  # interval of that [deg]; None where there is but one run
-    rank: Place | None  # 1 for the least error; None for oracles and ensembles, the references
+    rank: Place | None  # 1 for the least error; None for the references, see `competes`
     rank_ci95: tuple[Place, Place] | None  # interval of the rank, for all methods at once
     # interval of its error in units of that of the first: above 1, the first is better
     to_best_ci95: tuple[Positive, Positive] | None
@@ -83,9 +83,12 @@ def rankings_of(contents: Mapping[str, Any]) -> list[Ranking]:
 
 
 def competes(method: str, oracle: bool = False) -> bool:
-    """Return whether a method competes: no oracle, and no ensemble, which others are measured against."""
+    """Return whether a method competes; an oracle and a method that knows the noise's density are references.
+
+    An ensemble that knows no more than R, the size of the zero and the ranges could be deployed: it competes.
+    """
     spec = method_spec(method)
-    return not oracle and (spec is None or spec.presentation.family != "ensemble")
+    return not oracle and (spec is None or not spec.needs_density)
 
 
 def rank_methods(squares: Mapping[str, Array], oracles: Sequence[str] = ()) -> list[MethodRank]:

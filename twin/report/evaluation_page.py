@@ -20,7 +20,7 @@ COLUMNS = {"rmse_deg": tables.INDEX_LABELS["rmse_deg"]} | tables.INDEX_LABELS
 RANKED = (
     "RMSE: geometric mean over noises, with its 95 % interval over noise seeds, records and trainings. Times "
     "the first: paired 95 % interval of the ratio; a method is worse than the first where it is above 1. "
-    "Oracles saw the clean truth, and neither they nor ensembles compete."
+    "Oracles, which saw the clean truth, and methods that know the density of the noise do not compete."
 )
 EXPLAINED = (
     "Bold as above. In brackets: the paper's figures, of another endoscope. Scored against the clean truth, "

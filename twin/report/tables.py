@@ -87,7 +87,7 @@ def _is_of_the_paper(method: str) -> bool:
 
 
 def is_deployable(score: Score) -> bool:
-    """Return whether a method can be deployed: it sees no truth, and is no ensemble, a yardstick."""
+    """Return whether a method can be deployed: it knows neither the truth nor the density of the noise."""
     return competes(score.method, score.oracle)
 
 
