@@ -101,6 +101,7 @@ METHODS: dict[str, Presentation] = {
         "learned", in_paper_tables=True, leading=True, style=Style("#14438b", "solid", 1.6)
     ),
     "RAM (twins), filter alone": Presentation("learned"),
+    "RAM (twins), filter and classifier": _ON_REQUEST,
     "Ensemble": Presentation("ensemble"),
     "Ensemble with bias": Presentation("ensemble", on_request=True),
     "Particles (families)": Presentation("ensemble", on_request=True),

@@ -11,7 +11,7 @@ where its standard deviation is given.
 
 import dataclasses
 import functools
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from twin.estimation.learned.step import (
     UNKNOWN_DEG,
     LearnedStep,
     Memory,
+    StepNetwork,
     StepState,
     step_network,
 )
@@ -230,9 +231,20 @@ def load(file: TrainedFile) -> RamTwins:
         raise InputError(f"{file.path} is not a policy of the agent {AGENT!r}: {error}") from error
 
 
-def _build(known: Knowledge, parts: tuple[float, float] = ALL_PARTS) -> RamTwins:
+class UndetectedNetwork(StepNetwork):
+    """The graph without its detector: no residual is counted, so that no noise is unknown."""
+
+    def named(self, outputs: list[NDArray[Any]]) -> tuple[Array, Array | None, Memory]:
+        """Return estimate, half width or None, and the state, whose histogram of residuals stays empty."""
+        bend, half_width, memory = super().named(outputs)
+        kept = zip(self.state, memory, strict=True)
+        return bend, half_width, tuple(np.zeros_like(of) if name == "counts" else of for name, of in kept)
+
+
+def _build(known: Knowledge, parts: tuple[float, float] = ALL_PARTS, *, detector_on: bool = True) -> RamTwins:
     estimator = load(read_trained_file(known.file_of(AGENT), AGENT))
-    return dataclasses.replace(estimator, sample_time=known.sample_time, parts=parts)
+    network = estimator.network if detector_on else UndetectedNetwork(**vars(estimator.network))
+    return dataclasses.replace(estimator, network=network, sample_time=known.sample_time, parts=parts)
 
 
 _GIVEN = (*ON_TWINS, "past")
@@ -240,11 +252,8 @@ TRAINING = Training(
     AGENT, POLICY_FILE, load, "RAM on twins that follow the command, trained on simulated ones", on_twins=True
 )
 RAM_TWINS = register_method(MethodSpec("RAM (twins)", _build, _GIVEN, training=TRAINING))
-register_method(
-    MethodSpec(
-        "RAM (twins), filter alone",
-        functools.partial(_build, parts=FILTER_ALONE),
-        _GIVEN,
-        trained_as=AGENT,
-    )
-)
+for _name, _part in (
+    ("filter alone", functools.partial(_build, parts=FILTER_ALONE)),
+    ("filter and classifier", functools.partial(_build, detector_on=False)),
+):
+    register_method(MethodSpec(f"{RAM_TWINS.name}, {_name}", _part, _GIVEN, trained_as=AGENT))
