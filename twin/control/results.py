@@ -128,7 +128,7 @@ def measures_of(trial: ControlTrial) -> tuple[float, ...]:
     )
 
 
-def comparisons(results: Sequence[ControlResult], ours: str, seed: int) -> list[dict[str, Any]]:
+def comparisons(results: Sequence[ControlResult], ours: str) -> list[dict[str, Any]]:
     """Return how much less error ours has than each other controller, under each condition; oracles are none.
 
     The 95 % interval is paired: both saw the same twins, references and noise.
@@ -137,7 +137,7 @@ def comparisons(results: Sequence[ControlResult], ours: str, seed: int) -> list[
     for result in [of for of in results if of.controller == ours]:
         rivals = [of for of in results if of.controller != ours and not is_oracle(of.controller)]
         for other in [of for of in rivals if of.condition == result.condition]:
-            interval = reduction_interval(result.squares, other.squares, np.random.default_rng(seed))
+            interval = reduction_interval(result.squares, other.squares)
             found.append(
                 {
                     "condition": result.condition.name,
@@ -178,7 +178,7 @@ def control_values(
         "control": protocol,
         "totals": [result.total() for result in results],
         "rows": [row for result in results for row in result.rows()],
-        "comparisons": comparisons(results, ours, settings.seed) if ours else [],
+        "comparisons": comparisons(results, ours) if ours else [],
         "tuned": comparison.tuned,
         "origin": dict(origin),
     }

@@ -1,4 +1,7 @@
-"""Indices of the estimation error (eq. 13 of the RAM paper), and the interval of a mean over noise seeds."""
+"""Indices of the estimation error (eq. 13 of the RAM paper), and intervals of figures."""
+
+import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +61,27 @@ def geometric_mean(values: Array, axis: int | None = None) -> Array:
     """Return the geometric mean of errors [deg], or of their ratios; one below 1e-9 counts as 1e-9."""
     mean: Array = np.exp(np.log(np.maximum(values, 1e-9)).mean(axis=axis))
     return mean
+
+
+def jackknife(left_out: Sequence[Array]) -> tuple[float, float]:
+    """Return the standard deviation of a figure, and its degrees of freedom, by a jackknife.
+
+    `left_out` are the figures without each of the units of one kind, an array for each kind (Efron and
+    Tibshirani 1993, section 11.2). The variances add up; the degrees of freedom are those of Satterthwaite
+    (1946).
+    """
+    variances = [((len(of) - 1) * float(np.var(of)), len(of) - 1) for of in left_out]
+    total = sum(variance for variance, _ in variances)
+    squares = sum(variance**2 / freedom for variance, freedom in variances)
+    return math.sqrt(total), total**2 / squares if squares else 1.0
+
+
+def student_interval(figure: float, deviation: float, freedom: float) -> tuple[float, float]:
+    """Return the 95 % interval of a figure with a standard deviation of so many degrees of freedom."""
+    from scipy.special import stdtrit  # imported when used: cards of datasets need none of it
+
+    half = deviation * float(stdtrit(freedom, 0.975))
+    return figure - half, figure + half
 
 
 def confidence_interval(values: Array, confidence: float = 0.95) -> tuple[float, float]:

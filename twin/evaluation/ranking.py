@@ -20,6 +20,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from twin.errors import InputError
 from twin.estimation.registry import method_spec
+from twin.evaluation.metrics import jackknife, student_interval
 from twin.evaluation.score import LARGEST, LONGEST_TEXT
 from twin.files.json_text import key_name, rule_of
 
@@ -159,20 +160,14 @@ class _Errors:
         """Return the log ratio of two errors, or one log error, its deviation and degrees of freedom."""
         log = self.log[one] - (0 if other is None else self.log[other])
         units = [of[:, one] - (0 if other is None else of[:, other]) for of in self.left_out]
-        variances = [((len(of) - 1) * float(of.var()), len(of) - 1) for of in units]
-        total = sum(variance for variance, _ in variances)
-        squares = sum(variance**2 / freedom for variance, freedom in variances)
-        return float(log), math.sqrt(total), total**2 / squares if squares else 1.0
+        return float(log), *jackknife(units)
 
     def interval(self, one: int, other: int | None = None) -> tuple[float, float] | None:
         """Return the 95 % interval of an error [deg], or of the ratio of two."""
-        from scipy.special import stdtrit  # imported when used: cards of datasets need none of it
-
         if not self.left_out:
             return None
-        log, deviation, freedom = self.difference(one, other)
-        half = deviation * float(stdtrit(freedom, 1 - ERROR_RATE / 2))
-        return math.exp(max(log - half, -_LARGEST_LOG)), math.exp(min(log + half, _LARGEST_LOG))
+        low, high = student_interval(*self.difference(one, other))
+        return math.exp(max(low, -_LARGEST_LOG)), math.exp(min(high, _LARGEST_LOG))
 
     def doubt(self, one: int, other: int) -> float:
         """Return the probability of as large a difference between two methods that are equal."""

@@ -20,7 +20,7 @@ from twin.evaluation.method import with_innovations
 from twin.evaluation.paper import noise_label
 from twin.gate.check import ACCURACY, CALIBRATION, GIVE_LOGS, NOTHING, Check, declare, not_shown
 from twin.gate.evidence import OTHER_STREAMS, RIVAL, WIDER, GateMaterial, noisy
-from twin.gate.trial import PairedTrial, compare_paired, mean_interval
+from twin.gate.trial import LEAST_UNITS, PairedTrial, compare_paired, mean_interval
 
 Array = NDArray[np.float64]
 BAR = 0.0  # upper end of the difference's interval, relative to the rival: at most 0, it is not worse
@@ -72,19 +72,18 @@ def on_logs(material: GateMaterial) -> Check:
 
 def _compared(trials: Sequence[PairedTrial], material: GateMaterial, what: str) -> Check:
     """Return the check of a set of trials: by noise over all units, and by kind of unit over all noises."""
-    rng = material.resampling
-    rows = [_row("noise", noise_label(*of.noise), of.squares, of.rival, rng) for of in trials]
+    rows = [_row("noise", noise_label(*of.noise), of.squares, of.rival) for of in trials]
     squares, rival = _all_noises(trials)
     for unit in dict.fromkeys(trials[0].units):
         mine = [place for place, of in enumerate(trials[0].units) if of == unit]
         if isinstance(unit, str):
-            rows.append(_row("log", unit, squares[mine], rival[mine], rng))
+            rows.append(_row("log", unit, squares[mine], rival[mine]))
         else:
-            rows.append(_row("stroke", f"[{unit[0]:g}, {unit[1]:g}] mm", squares[mine], rival[mine], rng))
+            rows.append(_row("stroke", f"[{unit[0]:g}, {unit[1]:g}] mm", squares[mine], rival[mine]))
     judged, scope = [row for row in rows if row["of"] != "log"], "under every noise"
     if isinstance(trials[0].units[0], str):
         # A few logs show little under one noise: all noises together decide, and no noise may be shown worse.
-        rows.append(_row("noise", ALL_NOISES, squares, rival, rng))
+        rows.append(_row("noise", ALL_NOISES, squares, rival))
         judged = [rows[-1], *(row for row in judged if row["low_deg"] > 0)]
         scope = "over all noises"
     worst = max(judged, key=lambda row: row["relative_high"])
@@ -101,8 +100,9 @@ def _compared(trials: Sequence[PairedTrial], material: GateMaterial, what: str) 
             f"worst with {figures}"
         )
     units, draws = trials[0].squares.shape
+    over = "units" if units >= LEAST_UNITS else "draws"
     notes = [
-        f"{units} units and {draws} draws of each noise; intervals by a hierarchical bootstrap over both.",
+        f"{units} units and {draws} draws of each noise; intervals by a jackknife over {over}.",
         f"{RIVAL}: Coleman-Hodgdon identified on simulated records of the preset, Q and P by likelihood, R "
         "known.",
     ]
@@ -125,8 +125,8 @@ def _all_noises(trials: Sequence[PairedTrial]) -> tuple[Array, Array]:
     return mine, np.concatenate([trial.rival for trial in trials], axis=1)
 
 
-def _row(kind: str, what: str, squares: Any, rival: Any, rng: np.random.Generator) -> dict[str, Any]:
-    found = compare_paired(squares, rival, rng)
+def _row(kind: str, what: str, squares: Any, rival: Any) -> dict[str, Any]:
+    found = compare_paired(squares, rival)
     return {"of": kind, "what": what, **found._asdict(), "relative_high": found.relative_high}
 
 
@@ -137,7 +137,7 @@ def learning_helps(material: GateMaterial) -> Check:
     if alone is None:
         return not_shown("nothing is left of this method without what it has learned", NOTHING)
     trials = material.calibrated(alone)
-    found = compare_paired(*_all_noises(trials), material.resampling)
+    found = compare_paired(*_all_noises(trials))
     holds = found.relative_high <= WORTH
     said = (
         f"over all noises {found.rmse_deg:.2f} deg with what was learned, {found.rival_deg:.2f} deg without"
@@ -151,9 +151,7 @@ def learning_helps(material: GateMaterial) -> Check:
         bar=WORTH,
         unit="of the RMSE without it, upper end",
         holds=holds,
-        rows=tuple(
-            _row("noise", noise_label(*of.noise), of.squares, of.rival, material.resampling) for of in trials
-        ),
+        rows=tuple(_row("noise", noise_label(*of.noise), of.squares, of.rival) for of in trials),
         notes=(
             "The rival is the same filter in the same file, without what was learned.",
             "The zero of the sensor is known here: an unknown one hides what concerns the noise.",
@@ -164,14 +162,13 @@ def learning_helps(material: GateMaterial) -> Check:
 @declare("coverage of the interval", CALIBRATION, INTERVAL)
 def coverage(material: GateMaterial) -> Check:
     """The stated 95 % interval covers the truth as often as it should."""
-    rng = material.resampling
     rows: list[dict[str, Any]] = []
     for name, trials in _sets(material).items():
         stated = [(noise_label(*of.noise), of.inside) for of in trials if of.inside is not None]
         if stated:
             stated.append((ALL_NOISES, np.concatenate([inside for _, inside in stated], axis=1)))
         for what, inside in stated:
-            low, high = mean_interval(inside, rng)
+            low, high = np.clip(mean_interval(inside), 0.0, 1.0).tolist()
             judged = float(inside.mean()) if what == ALL_NOISES else high
             rows.append(
                 {
@@ -199,7 +196,7 @@ def coverage(material: GateMaterial) -> Check:
         rows=tuple(rows),
         notes=(
             "Samples of one run are not independent: the share is a mean over runs, its 95 % interval by a "
-            "hierarchical bootstrap.",
+            "jackknife.",
             "The mean over all noises must reach the bar; under one noise, the upper end of the interval.",
         ),
     )

@@ -57,7 +57,7 @@ POPULATION, GENERATIONS = 40, 60  # of the search for the rival's model
 WIDER = 1.5  # factor on the ranges of the preset for the second set of twins
 STROKE_MM = (-4.0, 4.0)  # where neither policy nor logs have another
 LEAST_LOG = 20  # samples of a log
-_RIVAL, _HELD_OUT, _WIDER, _LOGS, _RESAMPLING = range(5)
+_RIVAL, _HELD_OUT, _WIDER, _LOGS = range(4)
 OTHER_STREAMS = 5  # the first number of a stream that a check may use
 
 
@@ -107,11 +107,6 @@ class GateMaterial:
         """Return random numbers of one purpose, from the gate's own stream."""
         seeds = np.random.SeedSequence([STREAM, self.seed]).spawn(purpose + 1)
         return np.random.default_rng(seeds[purpose])
-
-    @property
-    def resampling(self) -> np.random.Generator:
-        """Random numbers of a bootstrap."""
-        return self.random(_RESAMPLING)
 
     def twins(
         self,

@@ -1,11 +1,12 @@
 """Trials: two estimators on the same runs under one noise, and the paired comparison of their errors.
 
 Runs are nested: a twin (or log) along its command, and draws of the noise on it. Intervals are those of a
-hierarchical bootstrap: twins are drawn with replacement, and draws within each (Davison and Hinkley 1997,
-section 3.8; Saravanan et al. 2020). Both estimators see the same runs, so that their difference is free of
-what twin and noise have in common.
+jackknife with Student's t: one twin is left out with all its draws (`twin.evaluation.metrics.jackknife`). Of
+fewer than five units the draws are left out instead: the interval is then about these units alone. Both
+estimators see the same runs, so that their difference is free of what twin and noise have in common.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -15,11 +16,11 @@ from numpy.typing import NDArray
 from twin.estimation.estimator import Estimator, Sensor
 from twin.estimation.gaussian import DEVIATIONS_OF_95
 from twin.estimation.knowledge import Case
+from twin.evaluation.metrics import jackknife, student_interval
 
 Array = NDArray[np.float64]
 WORST_DEG2 = 1e8  # square error of an estimate that is not a number [deg^2]
-RESAMPLES = 2000
-LOW, HIGH = 2.5, 97.5  # percentiles of a 95 % interval
+LEAST_UNITS = 5  # that an interval about other units takes
 
 
 class Paired(NamedTuple):
@@ -37,35 +38,49 @@ class Paired(NamedTuple):
         return self.high_deg / max(self.rival_deg, 1e-9)
 
 
-def compare_paired(squares: Array, rival: Array, rng: np.random.Generator) -> Paired:
+def compare_paired(squares: Array, rival: Array) -> Paired:
     """Compare two estimators by their (units, draws) mean square errors [deg^2] on the same runs."""
-    first, second = np.sqrt(_resampled_means(rng, squares, rival))
-    low, high = np.percentile(first - second, [LOW, HIGH])
-    mine, other = (float(np.sqrt(of.mean())) for of in (squares, rival))
-    return Paired(mine, other, mine - other, float(low), float(high))
+    low, high = _interval(lambda mine, other: _rmse(mine) - _rmse(other), LEAST_UNITS, squares, rival)
+    mine, other = _rmse(squares), _rmse(rival)
+    return Paired(mine, other, mine - other, low, high)
 
 
-def reduction_interval(squares: Array, rival: Array, rng: np.random.Generator) -> tuple[float, float]:
-    """Return the 95 % interval of how much smaller the first's error is, as a share of the second's."""
-    first, second = np.sqrt(_resampled_means(rng, squares, rival))
-    low, high = np.percentile(1 - first / np.maximum(second, 1e-9), [LOW, HIGH])
-    return float(low), float(high)
+def reduction_interval(squares: Array, rival: Array) -> tuple[float, float]:
+    """Return the 95 % interval of how much smaller the first's error is, as a share of the second's.
+
+    Of one unit the draws are left out.
+    """
+
+    def log_ratio(mine: Array, other: Array) -> float:
+        return math.log(max(_rmse(mine), 1e-9) / max(_rmse(other), 1e-9))
+
+    low, high = _interval(log_ratio, 2, squares, rival)
+    return 1 - math.exp(min(high, 700.0)), 1 - math.exp(low)
 
 
-def mean_interval(values: Array, rng: np.random.Generator) -> tuple[float, float]:
+def mean_interval(values: Array) -> tuple[float, float]:
     """Return the 95 % interval of the mean of (units, draws) values."""
-    low, high = np.percentile(_resampled_means(rng, values)[0], [LOW, HIGH])
-    return float(low), float(high)
+    return _interval(lambda of: float(of.mean()), LEAST_UNITS, values)
 
 
-def _resampled_means(rng: np.random.Generator, *values: Array) -> Array:
-    """Return (K, resamples) means of K arrays (units, draws), all resampled alike."""
+def _rmse(squares: Array) -> float:
+    return float(np.sqrt(squares.mean()))
+
+
+def _interval(figure: Callable[..., float], least: int, *values: Array) -> tuple[float, float]:
+    """Return the 95 % interval of a figure of arrays (units, draws); an infinite one of a single run.
+
+    Units are left out if there are at least so many, draws otherwise.
+    """
     units, draws = values[0].shape
     if any(of.shape != (units, draws) for of in values) or not values[0].size:
         raise ValueError(f"runs of shapes {[of.shape for of in values]}: must be the same, and not empty")
-    unit = rng.integers(units, size=(RESAMPLES, units, 1))
-    draw = rng.integers(draws, size=(RESAMPLES, units, draws))
-    return np.array([of[unit, draw].mean(axis=(1, 2)) for of in values])
+    axis = 0 if units >= least or draws == 1 else 1
+    count = values[0].shape[axis]
+    if count == 1:
+        return -math.inf, math.inf
+    left_out = [figure(*(np.delete(of, place, axis) for of in values)) for place in range(count)]
+    return student_interval(figure(*values), *jackknife([np.array(left_out)]))
 
 
 class PairedTrial(NamedTuple):

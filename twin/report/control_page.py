@@ -108,7 +108,7 @@ def _ranked(totals: Sequence[Total], comparisons: Sequence[Mapping[str, Any]]) -
     head = ("controller", "RMSE [deg]", "worst endoscope [deg]", f"less error by {ours}", "95 % interval")
     note = (
         "The least error first; oracles, which are the limit, last. Paired: all met the same endoscopes, "
-        "references and noise. Intervals by a bootstrap over endoscopes, and trials within each."
+        "references and noise. Intervals by a jackknife over endoscopes."
     )
     return html.table(head, rows, title=condition, note=note, cards=True, numbers=True)
 
