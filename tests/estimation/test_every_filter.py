@@ -14,6 +14,7 @@ from twin.estimation.adaptive import (
 from twin.estimation.ensemble import EnsembleFilter, ParticleFilter
 from twin.estimation.koopman import KoopmanFilter
 from twin.estimation.open_loop import OpenLoop
+from twin.estimation.particle_filter import BootstrapFilter
 from twin.estimation.set_membership import ErrorBound, SetMembershipFilter
 from twin.estimation.tuning import ConstantGain
 
@@ -30,6 +31,7 @@ FILTERS = {
     "gain": ConstantGain(COLEMAN_HODGDON, 0.1, gain=(0.3, 0.1)),
     "VB": AdaptiveActiveModel(AM),
     "IMM": InteractingModels((AM, ActiveModel(COLEMAN_HODGDON, 0.1, (0.1, 0.1)))),
+    "PF": BootstrapFilter(COLEMAN_HODGDON, 0.1, count=50),
     "Koopman": KoopmanFilter(np.array([[1.0, 0.0], [-0.4, 0.0]]), np.array([[5.0, 0.0], [9.0, 0.0]]), 0.01),
     "ESMF": SetMembershipFilter(COLEMAN_HODGDON, 0.1, ErrorBound(1.0, 0.1)),
     "open loop": OpenLoop(COLEMAN_HODGDON),

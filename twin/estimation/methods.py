@@ -76,6 +76,8 @@ METHODS: dict[str, Presentation] = {
     "AM-tuned (P-I)": _TUNED,
     "AM-tuned (twins)": _TUNED_ON_REQUEST,
     "AM-tuned (Bouc-Wen, twins)": _TUNED_ON_REQUEST,
+    "PF-tuned": _TUNED,
+    "PF-tuned (twins)": _TUNED_ON_REQUEST,
     "IMM": _TUNED_ON_REQUEST,
     "Huber": _TUNED,
     "VB": _TUNED,

@@ -21,6 +21,7 @@ from twin.evaluation.metrics import jackknife, student_interval
 Array = NDArray[np.float64]
 WORST_DEG2 = 1e8  # square error of an estimate that is not a number [deg^2]
 LEAST_UNITS = 5  # that an interval about other units takes
+_LARGEST_LOG = 20.0  # of a ratio of errors
 
 
 class Paired(NamedTuple):
@@ -48,14 +49,17 @@ def compare_paired(squares: Array, rival: Array) -> Paired:
 def reduction_interval(squares: Array, rival: Array) -> tuple[float, float]:
     """Return the 95 % interval of how much smaller the first's error is, as a share of the second's.
 
-    Of one unit the draws are left out.
+    Of one unit the draws are left out; of a single run both ends are the share itself.
     """
 
     def log_ratio(mine: Array, other: Array) -> float:
         return math.log(max(_rmse(mine), 1e-9) / max(_rmse(other), 1e-9))
 
-    low, high = _interval(log_ratio, 2, squares, rival)
-    return 1 - math.exp(min(high, 700.0)), 1 - math.exp(low)
+    if squares.size == 1:
+        low = high = log_ratio(squares, rival)
+    else:
+        low, high = _interval(log_ratio, 2, squares, rival)
+    return 1 - math.exp(min(high, _LARGEST_LOG)), 1 - math.exp(max(low, -_LARGEST_LOG))
 
 
 def mean_interval(values: Array) -> tuple[float, float]:
