@@ -82,3 +82,11 @@ def test_estimated_error_of_the_model_converges_to_a_constant_disturbance(distur
     means, _ = run_online(FILTER, pull, exact[None], 60.0)
     np.testing.assert_allclose(means[-100:, 1, 0], disturbance, rtol=1e-6)
     np.testing.assert_allclose(means[-100:, 0, 0], exact[-100:], atol=1e-6)
+
+
+def test_with_the_papers_variances_a_wrong_start_is_lost_in_about_five_seconds():
+    """As the paper reports of AM, whose Q is small on purpose; ten times Q takes one second."""
+    paper = ActiveModel(FILTER.model, SAMPLE_TIME)
+    off = np.abs(paper.estimate(PULL, truth()[None], 80.0)[0] - truth())
+    lost_s = np.flatnonzero(off > 0.5)[-1] * SAMPLE_TIME
+    assert 3 < lost_s < 7

@@ -98,3 +98,30 @@ def test_whatever_the_policy_says_the_update_is_a_convex_step_and_variances_stay
             assert (of_f > 0).all()
             assert (cross**2 <= p * of_f * (1 + 1e-4) + 1e-6).all()
             assert torch.isfinite(output.half_width_deg).all()
+
+
+def after_one(step, **outputs):
+    """Estimate of one sample, its prediction and innovation, where the policy outputs these numbers."""
+    names = ("gain", "noise", "growth", "bias", "doubt")
+    sequences = drawn()
+    with torch.no_grad():
+        step.output[-1].bias.copy_(torch.tensor([outputs.get(name, 0.0) for name in names]))
+        *_, (_, state) = filter_sequences(step, sequences.between(0, 10), ALL)
+        inputs, y = [of[10] for of in sequences.inputs], sequences.measurement_deg[10]
+        rest = (sequences.variance, sequences.zero_deviation_deg, sequences.sample_time)
+        unseen, _ = step(*inputs, torch.full_like(y, torch.nan), *rest, 0 * ALL, state)
+        found, _ = step(*inputs, y, *rest, ALL, state)
+    predicted = unseen.bend_deg
+    return found.bend_deg.numpy(), predicted.numpy(), (y - predicted).numpy(), sequences.variance.numpy()
+
+
+def test_a_policy_that_asks_for_more_gain_moves_further_and_a_positive_mean_is_subtracted():
+    shares = []
+    for gain in (-1.0, 0.0, 1.0):
+        bend, predicted, innovation, _ = after_one(small_memory_step(), gain=gain)
+        shares.append((bend - predicted) / innovation)
+    assert (np.diff(shares, axis=0) > 0.01).all()
+    with_mean, predicted, innovation, variance = after_one(small_memory_step(), bias=1.0)
+    without, *_ = after_one(small_memory_step())
+    mean = memory.LARGEST_BIAS * np.tanh(1 / memory.LARGEST_BIAS) * np.sqrt(variance)
+    np.testing.assert_allclose(without - with_mean, mean, rtol=1e-3)
