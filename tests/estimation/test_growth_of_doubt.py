@@ -13,7 +13,7 @@ T, SAMPLES = 0.1, 600
 @pytest.mark.parametrize("name", ["covariance", "rows_covariance"])
 @pytest.mark.parametrize("moves", [True, False])
 def test_doubt_grows_with_travel_and_time_without_measurements(twins_policy, name, moves):
-    """Weights by 0.0005 per mm, d by 0.05 deg^2 per mm less what 5 mm forget, the zero by a quarter an hour."""
+    """Weights by 0.0005 per mm, d by 0.05 deg^2 per mm less what 5 mm forget, b by a quarter in an hour."""
     ram = load_estimator(twins_policy).with_sensor(Sensor(1.0, zero_deviation_deg=2.0))
     pull = (2.0 * moves * np.sin(np.arange(SAMPLES) * T))[:, None]
     way = np.abs(np.diff(pull[:, 0]))
