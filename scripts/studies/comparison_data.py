@@ -1,0 +1,138 @@
+"""Files of docs/data from a folder of `evaluate --suite full`: scores, costs, tables of the comparison."""
+
+import csv
+import datetime
+import io
+import json
+import subprocess
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.evaluation.paper import noise_label
+from twin.files.atomic import write_whole
+from twin.files.origin import stated_origin
+
+LIMIT, REFERENCE, ALONE = "Ensemble (limit)", "RAM (twins)", "RAM (twins), filter alone"
+SAMPLE_TIME = 0.1  # of the published tables [s]
+_SHORT = {"nominal": "the preset"}
+
+Score = Mapping[str, str]
+
+
+def write_comparison(results: Path, data: Path) -> None:
+    """Write scores.csv, costs.csv and the tables of the comparison into `data`."""
+    evaluation = json.loads((results / "evaluation.json").read_text())
+    origin = stated_origin(evaluation)
+    if origin is None:
+        raise InputError(f"{results}/evaluation.json states no origin")
+    commit = subprocess.run(
+        ["git", "rev-parse", "HEAD"], cwd=data, capture_output=True, text=True, check=True
+    )
+    time = (results / "evaluation.json").stat().st_mtime
+    stated = {
+        "commit": commit.stdout.strip(),
+        "command": origin.command,
+        "date": datetime.date.fromtimestamp(time).isoformat(),
+        "versions": " ".join(f"{name} {version}" for name, version in origin.versions.items()),
+    }
+    head = "".join(f"# {name}: {value}\n" for name, value in stated.items())
+    given = {row["method"]: ", ".join(row["given"]) for row in evaluation["rows"]}
+    for name in ("scores", "costs"):
+        write_whole(data / f"{name}.csv", head + (results / f"{name}.csv").read_text())
+    scores = [row for row in read_rows(results / "scores.csv") if float(row["sample_time_s"]) == SAMPLE_TIME]
+    write_whole(data / "rivals.csv", head + rivals(scores, given))
+    write_whole(data / "rmse_groups.csv", head + groups(scores))
+    write_whole(data / "better_cells.csv", head + better_cells(scores))
+
+
+def read_rows(path: Path) -> list[Score]:
+    """Read a CSV file, without its comments."""
+    lines = path.read_text().splitlines()
+    return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
+def rivals(scores: Sequence[Score], given: Mapping[str, str]) -> str:
+    """Return geometric means of the RMSE by kind of twin, what each method knows, and its coverage."""
+    kinds = list(dict.fromkeys(score["twin"] for score in scores))
+    of = _by_method(scores)
+    limit = _mean(of[LIMIT])
+    lines = []
+    for method in _ranked(of):
+        mine = of[method]
+        covered = [float(score["coverage95"]) for score in mine if score["coverage95"]]
+        lines.append(
+            {"method": method, "knows": given.get(method, "")}
+            | {_SHORT.get(kind, kind): _text(_mean([s for s in mine if s["twin"] == kind])) for kind in kinds}
+            | {"all": _text(_mean(mine)), "times the limit": _text(_mean(mine) / limit)}
+            | {"coverage [%]": _text(100 * float(np.mean(covered))) if covered else ""}
+            | {"draws": mine[0]["seeds"], "trainings": mine[0]["trainings"]}
+        )
+    return _csv(lines)
+
+
+def groups(scores: Sequence[Score]) -> str:
+    """Return geometric means of the RMSE over the noises, by group of records."""
+    of = _by_method(scores)
+    names = list(dict.fromkeys(map(_group, scores)))
+    return _csv(
+        {"method": method}
+        | {name: _text(_mean([score for score in of[method] if _group(score) == name])) for name in names}
+        for method in _ranked(of)
+    )
+
+
+def better_cells(scores: Sequence[Score]) -> str:
+    """Return every noise and group in which another deployable method has less error than RAM (twins)."""
+    cells: dict[str, list[Score]] = {}
+    for score in scores:
+        if not score["method"].startswith(("Ensemble", ALONE)):
+            cells.setdefault(f"{_noise(score)}, {_group(score)}", []).append(score)
+    lines = []
+    for name, of in cells.items():
+        best = min(of, key=lambda score: float(score["rmse_deg"]))
+        ours = next(score for score in of if score["method"] == REFERENCE)
+        if float(best["rmse_deg"]) < float(ours["rmse_deg"]):
+            lines.append(
+                {"noise and group": name, "best method": best["method"], "its RMSE": best["rmse_deg"]}
+                | {REFERENCE: ours["rmse_deg"]}
+            )
+    return _csv(lines)
+
+
+def _by_method(scores: Sequence[Score]) -> dict[str, list[Score]]:
+    found: dict[str, list[Score]] = {}
+    for score in scores:
+        found.setdefault(score["method"], []).append(score)
+    return found
+
+
+def _ranked(of: Mapping[str, Sequence[Score]]) -> list[str]:
+    return sorted(of, key=lambda method: _mean(of[method]))
+
+
+def _group(score: Score) -> str:
+    kind = _SHORT.get(score["twin"], score["twin"])
+    return f"{kind} [{score['stroke_low_mm']}; {score['stroke_high_mm']}] mm"
+
+
+def _noise(score: Score) -> str:
+    return noise_label(score["noise"], float(score["level"]))
+
+
+def _mean(scores: Sequence[Score]) -> float:
+    return float(np.exp(np.mean([np.log(float(score["rmse_deg"])) for score in scores])))
+
+
+def _text(value: float) -> str:
+    return f"{value:.4g}"
+
+
+def _csv(rows: Iterable[Mapping[str, str]]) -> str:
+    text, rows = io.StringIO(), list(rows)
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
