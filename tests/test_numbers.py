@@ -37,7 +37,7 @@ SETTINGS = tuple(
     )
 )
 """Numbers that someone chose: parameters, strokes, noise, versions, and those before `<!-- setting -->`."""
-MEASURED = re.compile(r"\d+\.\d+|\d+ ?%|\d+ times\b")
+MEASURED = re.compile(r"\d+\.\d+|\d\s?%|\d\s+times\b")
 
 
 def bare_numbers(text: str) -> list[str]:
