@@ -33,7 +33,7 @@ SETTINGS = tuple(
         rf"\[{_NUMBER}, {_NUMBER}\]",  # a stroke
         rf"(?:Poisson|Gaussian|lambda|[Ll]ognormal|Weibull|gamma|dithered)(?: noise)?(?: of)?,? {_NUMBER}",
         r"\b9[05] % (?:confidence )?(?:interval|within)s?",
-        r"(?:Python|Newton|version|Apache)[ -]\d+\.[\d.]*\d",
+        r"(?:Python |Newton |version |Apache-|\bv)\d+\.[\d.]*\d",
     )
 )
 """Numbers that someone chose: parameters, strokes, noise, versions, and those before `<!-- setting -->`."""

@@ -26,7 +26,7 @@ DATA = ROOT / "docs/data"
 STATED = ("commit", "command", "date", "versions")
 """What the first lines of each file state, as `# commit: ...`."""
 TABLE = re.compile(r"<!-- table: ([^|\n]+?)((?: \| [^\n]+?)?) -->\n.*?<!-- end -->", re.DOTALL)
-FIGURE = re.compile(r"(-?\d+(?:\.\d+)?)(?:\s+(?:%|times|deg))?<!-- (\w+\.csv), (.+), ([^,\n]+) -->")
+FIGURE = re.compile(r"(-?\d+(?:\.\d+)?)(?:\s+(?:%|times|deg))?<!-- (\w+\.csv), ([^>\n]+), ([^,>\n]+) -->")
 _FORM = r"\.\d[fg]"
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 _FIELD = re.compile(r"\{([^{}:]+):?([^{}]*)\}")
