@@ -1,19 +1,20 @@
 """Every measured number of the documents comes from a file of docs/data, and is as that file has it."""
 
 import re
+import sys
 
 import pytest
 from repository import REPOSITORY
 
-from scripts.studies.tables import FIGURE, TABLE
+from scripts.studies.tables import DATA, FIGURE, TABLE, documents, main, read_data, written
+from twin.errors import InputError, MissingFileError
 
-HELD = (
-    "README.md",
-    "docs/results/paper_protocol.md",
-    "docs/results/benchmark.md",
-    "docs/benchmark/index.md",
-)
-"""Documents whose measured numbers all come from files."""
+sys.path.insert(0, str(REPOSITORY / "docs/site"))
+
+import tutorials
+
+FREE = {"CHANGELOG.md", "docs/site/equations.md"}
+"""Documents that need no files: changes, and formulas."""
 NOT_PROSE = (
     TABLE,
     FIGURE,
@@ -47,6 +48,97 @@ def bare_numbers(text: str) -> list[str]:
     return [text[max(found.start() - 40, 0) : found.end() + 20] for found in MEASURED.finditer(text)]
 
 
-@pytest.mark.parametrize("name", HELD)
-def test_every_measured_number_has_a_file_behind_it(name):
-    assert not bare_numbers((REPOSITORY / name).read_text())
+PAGES = {str(path.relative_to(REPOSITORY)): path.read_text() for path in documents()}
+PAGES |= {f"docs/tutorials/{name}.py": text for name, text in tutorials.pages().items()}
+
+
+@pytest.mark.parametrize("name", sorted(PAGES.keys() - FREE))
+def test_every_measured_number_of_a_document_has_a_file_behind_it(name):
+    assert not bare_numbers(PAGES[name])
+
+
+def test_documents_are_as_their_files_have_them(capsys):
+    assert main(["--check"]) == 0, capsys.readouterr().err
+
+
+def test_every_file_of_data_is_complete_and_shown_or_linked():
+    text = "".join(PAGES.values())
+    for path in sorted(DATA.iterdir()):
+        assert path.name in text, f"{path.name}: no document has it"
+        if path.name != "scores.csv":  # its rows are named by several columns
+            assert read_data(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("It has 1.63 deg.", 1),
+        ("It is 9 % better, and 3 times as fast.", 2),
+        ("| RAM | 0.31 |", 1),
+        ("With R = 0.1 on [-2.5, 2.5] mm, Poisson 0.1 and a 95 % interval.", 0),
+        ("From 0.3 to 1<!-- setting --> deg, and `0.5`.", 0),
+        ("It has 1.63<!-- rivals.csv, RAM (twins), times the limit --> times.", 0),
+        ("It has 1.63<!-- measured --> times.", 1),
+    ],
+)
+def test_a_measured_number_is_told_from_a_setting(text, found):
+    assert len(bare_numbers(text)) == found
+
+
+DATA_FILE = """# commit: 0123
+# command: endotwin demo
+# date: 2026-11-27
+# versions: endotwin 0.1.0
+method,RMSE,low,high
+RAM,0.5449,0.51,0.58
+AM,2,,
+"""
+
+
+@pytest.fixture
+def data(tmp_path):
+    (tmp_path / "some.csv").write_text(DATA_FILE)
+    read_data.cache_clear()
+    return tmp_path
+
+
+def test_a_table_has_the_chosen_rows_columns_and_decimals(data):
+    mark = "<!-- table: some.csv | rows: R.* | method | RMSE:.2f | 95 %: {RMSE:.1f} ({low} to {high}) -->"
+    text = written(f"{mark}\nold\n<!-- end -->", data)
+    rows = "| method | RMSE | 95 % |\n| --- | --- | --- |\n| RAM | 0.54 | 0.5 (0.51 to 0.58) |\n"
+    assert text == f"{mark}\n\n{rows}\n<!-- end -->"
+    assert written(text, data) == text
+
+
+def test_empty_cells_are_dashes_and_leave_no_brackets(data):
+    mark = "<!-- table: some.csv | rows: AM | low | .2f | e: {RMSE} ({low} to {high}) -->"
+    assert "| - | 2.00 |" in written(f"{mark}\n<!-- end -->", data)
+
+
+def test_a_figure_keeps_its_decimals_and_takes_the_value_of_its_cell(data):
+    sentence = "It has {} deg<!-- some.csv, RAM, RMSE -->."
+    assert written(sentence.format("9.99"), data) == sentence.format("0.54")
+    assert written(sentence.format("7"), data) == sentence.format("1")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1<!-- other.csv, RAM, RMSE -->",
+        "1<!-- some.csv, RUM, RMSE -->",
+        "1<!-- some.csv, RAM, MAE -->",
+        "1<!-- some.csv, AM, low -->",
+        "<!-- table: some.csv | rows: KF -->\n<!-- end -->",
+        "<!-- table: some.csv | MAE -->\n<!-- end -->",
+    ],
+)
+def test_a_mark_without_its_number_is_refused(data, text):
+    with pytest.raises((InputError, MissingFileError), match=r"(some|other)\.csv"):
+        written(text, data)
+
+
+@pytest.mark.parametrize("wrong", [DATA_FILE.replace("# date", "# day"), DATA_FILE + "RAM,1,,\n"])
+def test_a_file_without_its_origin_or_with_equal_rows_is_refused(data, wrong):
+    (data / "some.csv").write_text(wrong)
+    with pytest.raises(InputError, match="first"):
+        read_data(data / "some.csv")

@@ -66,7 +66,7 @@ def read_data(path: Path) -> dict[str, Row]:
         if not re.match(f"# {name}: .", line):
             raise InputError(f"{path}: its first lines must be # {', # '.join(STATED)}, each with a value")
     rows = list(csv.DictReader(lines[len(STATED) :], strict=True))
-    named = {next(iter(row.values())): row for row in rows}
+    named: dict[str, Row] = {next(iter(row.values())): row for row in rows}
     if len(named) < len(rows):
         raise InputError(f"{path}: the names in the first column must differ")
     return named
