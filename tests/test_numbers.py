@@ -1,11 +1,13 @@
 """Every measured number of the documents comes from a file of docs/data, and is as that file has it."""
 
+import json
 import re
 import sys
 
 import pytest
 from repository import REPOSITORY
 
+from scripts.studies.comparison_data import write_comparison
 from scripts.studies.tables import DATA, FIGURE, TABLE, documents, main, read_data, written
 from twin.errors import InputError, MissingFileError
 
@@ -142,3 +144,32 @@ def test_a_file_without_its_origin_or_with_equal_rows_is_refused(data, wrong):
     (data / "some.csv").write_text(wrong)
     with pytest.raises(InputError, match="first"):
         read_data(data / "some.csv")
+
+
+def test_a_run_of_the_full_suite_becomes_files(tmp_path):
+    columns = "method,oracle,noise,level,sample_time_s,stroke_low_mm,stroke_high_mm,twin,rmse_deg,coverage95"
+    lines = [
+        f'"{method}",false,gaussian,{R},0.1,-1,1,nominal,{rmse},{covered},2,1'
+        for R in (1, 5)
+        for method, rmse, covered in [
+            ("Ensemble (limit)", 1, 0.9),
+            ("RAM (twins)", 2, ""),
+            ("AM", 1.5, 0.5),
+            ("RAM (twins), filter alone", 1.2, 0.9),
+        ]
+    ]
+    (tmp_path / "scores.csv").write_text("\n".join([f"{columns},seeds,trainings", *lines]) + "\n")
+    (tmp_path / "costs.csv").write_text("method,sample_us\nAM,3\n")
+    origin = {"command": "endotwin evaluate --suite full", "versions": {"endotwin": "0.1.0"}, "data": []}
+    given = [{"method": "AM", "given": ["R", "zero"]}]
+    (tmp_path / "evaluation.json").write_text(json.dumps({"rows": given, "origin": origin}))
+    (tmp_path / "data").mkdir()
+    write_comparison(tmp_path, tmp_path / "data", "0123")
+    rivals = read_data(tmp_path / "data/rivals.csv")
+    assert list(rivals) == ["Ensemble (limit)", "RAM (twins), filter alone", "AM", "RAM (twins)"]
+    assert rivals["AM"]["knows"] == "R, zero"
+    assert float(rivals["AM"]["times the limit"]) == 1.5
+    assert float(rivals["AM"]["coverage [%]"]) == 50
+    assert {row["best method"] for row in read_data(tmp_path / "data/better_cells.csv").values()} == {"AM"}
+    assert read_data(tmp_path / "data/rmse_groups.csv")["AM"]["the preset [-1; 1] mm"] == "1.5"
+    assert "# command: endotwin evaluate --suite full" in (tmp_path / "data/scores.csv").read_text()

@@ -4,7 +4,6 @@ import csv
 import datetime
 import io
 import json
-import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -15,25 +14,23 @@ from twin.evaluation.paper import noise_label
 from twin.files.atomic import write_whole
 from twin.files.origin import stated_origin
 
-LIMIT, REFERENCE, ALONE = "Ensemble (limit)", "RAM (twins)", "RAM (twins), filter alone"
+LIMIT, REFERENCE = "Ensemble (limit)", "RAM (twins)"
+NOT_RIVALS = ("Ensemble", "Particles", "RAM (twins), ")  # references, and parts of RAM (twins)
 SAMPLE_TIME = 0.1  # of the published tables [s]
 _SHORT = {"nominal": "the preset"}
 
 Score = Mapping[str, str]
 
 
-def write_comparison(results: Path, data: Path) -> None:
-    """Write scores.csv, costs.csv and the tables of the comparison into `data`."""
+def write_comparison(results: Path, data: Path, commit: str) -> None:
+    """Write scores.csv, costs.csv and the tables of the comparison into `data`; `commit` made the run."""
     evaluation = json.loads((results / "evaluation.json").read_text())
     origin = stated_origin(evaluation)
     if origin is None:
         raise InputError(f"{results}/evaluation.json states no origin")
-    commit = subprocess.run(
-        ["git", "rev-parse", "HEAD"], cwd=data, capture_output=True, text=True, check=True
-    )
     time = (results / "evaluation.json").stat().st_mtime
     stated = {
-        "commit": commit.stdout.strip(),
+        "commit": commit,
         "command": origin.command,
         "date": datetime.date.fromtimestamp(time).isoformat(),
         "versions": " ".join(f"{name} {version}" for name, version in origin.versions.items()),
@@ -42,22 +39,19 @@ def write_comparison(results: Path, data: Path) -> None:
     given = {row["method"]: ", ".join(row["given"]) for row in evaluation["rows"]}
     for name in ("scores", "costs"):
         write_whole(data / f"{name}.csv", head + (results / f"{name}.csv").read_text())
-    scores = [row for row in read_rows(results / "scores.csv") if float(row["sample_time_s"]) == SAMPLE_TIME]
+    table = (results / "scores.csv").read_text()
+    scores = [row for row in csv.DictReader(table.splitlines()) if float(row["sample_time_s"]) == SAMPLE_TIME]
     write_whole(data / "rivals.csv", head + rivals(scores, given))
     write_whole(data / "rmse_groups.csv", head + groups(scores))
     write_whole(data / "better_cells.csv", head + better_cells(scores))
-
-
-def read_rows(path: Path) -> list[Score]:
-    """Read a CSV file, without its comments."""
-    lines = path.read_text().splitlines()
-    return list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
 def rivals(scores: Sequence[Score], given: Mapping[str, str]) -> str:
     """Return geometric means of the RMSE by kind of twin, what each method knows, and its coverage."""
     kinds = list(dict.fromkeys(score["twin"] for score in scores))
     of = _by_method(scores)
+    if LIMIT not in of or REFERENCE not in of:
+        raise InputError(f"scores.csv must have the methods {LIMIT} and {REFERENCE} at T = {SAMPLE_TIME} s")
     limit = _mean(of[LIMIT])
     lines = []
     for method in _ranked(of):
@@ -88,7 +82,7 @@ def better_cells(scores: Sequence[Score]) -> str:
     """Return every noise and group in which another deployable method has less error than RAM (twins)."""
     cells: dict[str, list[Score]] = {}
     for score in scores:
-        if not score["method"].startswith(("Ensemble", ALONE)):
+        if score["oracle"] == "false" and not score["method"].startswith(NOT_RIVALS):
             cells.setdefault(f"{_noise(score)}, {_group(score)}", []).append(score)
     lines = []
     for name, of in cells.items():

@@ -10,6 +10,7 @@ column; it keeps its number of decimals.
 import csv
 import dataclasses
 import re
+import subprocess
 import sys
 from collections.abc import Mapping
 from decimal import Decimal, InvalidOperation
@@ -46,6 +47,9 @@ class Tables:
 
     results: Path | None = None
     """Folder of `evaluate --suite full`: write its figures into docs/data first."""
+
+    commit: str = ""
+    """Commit of that run; by default the present one."""
 
     check: bool = False
     """Change nothing; name the documents that would change, with exit code 1."""
@@ -141,10 +145,16 @@ def written(text: str, data: Path = DATA) -> str:
     return FIGURE.sub(new_figure, TABLE.sub(new_table, text))
 
 
+def _head() -> str:
+    """Return the hash of the present commit."""
+    command = ["git", "rev-parse", "HEAD"]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+
+
 def tables(args: Tables) -> Summary:
     """Write all tables and figures of the documents, or name those that would change."""
     if args.results:
-        write_comparison(args.results, DATA)
+        write_comparison(args.results, DATA, args.commit or _head())
     changed = []
     for path in documents():
         text = path.read_text()
