@@ -7,8 +7,9 @@ import sys
 import pytest
 from repository import REPOSITORY
 
+from scripts.studies import tables
 from scripts.studies.comparison_data import write_comparison
-from scripts.studies.tables import DATA, FIGURE, TABLE, documents, main, read_data, written
+from scripts.studies.tables import FIGURE, TABLE, documents, main, read_data, written
 from twin.errors import InputError, MissingFileError
 
 sys.path.insert(0, str(REPOSITORY / "docs/site"))
@@ -65,7 +66,7 @@ def test_documents_are_as_their_files_have_them(capsys):
 
 def test_every_file_of_data_is_complete_and_shown_or_linked():
     text = "".join(PAGES.values())
-    for path in sorted(DATA.iterdir()):
+    for path in sorted((REPOSITORY / tables.DATA).iterdir()):
         assert path.name in text, f"{path.name}: no document has it"
         if path.name != "scores.csv":  # its rows are named by several columns
             assert read_data(path)
@@ -137,6 +138,19 @@ def test_a_figure_keeps_its_decimals_and_takes_the_value_of_its_cell(data):
 def test_a_mark_without_its_number_is_refused(data, text):
     with pytest.raises((InputError, MissingFileError), match=r"(some|other)\.csv"):
         written(text, data)
+
+
+def test_check_names_a_document_that_differs_and_writing_mends_it(data, monkeypatch, capsys):
+    monkeypatch.setattr(tables, "ROOT", data)
+    (data / "docs/data").mkdir(parents=True)
+    (data / "some.csv").rename(data / "docs/data/some.csv")
+    (data / "CONTRIBUTING.md").touch()
+    (data / "README.md").write_text("9.99<!-- some.csv, RAM, RMSE -->")
+    assert main(["--check"]) == 1
+    assert "README.md" in capsys.readouterr().err
+    assert main([]) == 0
+    assert main(["--check"]) == 0
+    assert (data / "README.md").read_text().startswith("0.54")
 
 
 @pytest.mark.parametrize("wrong", [DATA_FILE.replace("# date", "# day"), DATA_FILE + "RAM,1,,\n"])

@@ -23,7 +23,7 @@ from twin.errors import InputError, MissingFileError
 from twin.files.atomic import write_whole
 
 ROOT = Path(__file__).resolve().parents[2]
-DATA = ROOT / "docs/data"
+DATA = "docs/data"
 STATED = ("commit", "command", "date", "versions")
 """What the first lines of each file state, as `# commit: ...`."""
 TABLE = re.compile(r"<!-- table: ([^|\n]+?)((?: \| [^\n]+?)?) -->\n.*?<!-- end -->", re.DOTALL)
@@ -129,7 +129,7 @@ def _filled(path: Path, row: str, template: str, form: str) -> str:
     return _EMPTY.sub("", text)
 
 
-def written(text: str, data: Path = DATA) -> str:
+def written(text: str, data: Path) -> str:
     """Return a document with all tables and figures as the files have them."""
 
     def new_table(found: re.Match[str]) -> str:
@@ -154,12 +154,12 @@ def _head() -> str:
 def tables(args: Tables) -> Summary:
     """Write all tables and figures of the documents, or name those that would change."""
     if args.results:
-        write_comparison(args.results, DATA, args.commit or _head())
+        write_comparison(args.results, ROOT / DATA, args.commit or _head())
     changed = []
     for path in documents():
         text = path.read_text()
         try:
-            new = written(text)
+            new = written(text, ROOT / DATA)
         except (InputError, MissingFileError) as error:
             raise InputError(f"{path.relative_to(ROOT)}: {error}") from error
         if new != text:
