@@ -126,7 +126,7 @@ def _filled(path: Path, row: str, template: str, form: str) -> str:
     if fields and not cell(path, row, fields[0][0]):
         return "-"
     text = _FIELD.sub(lambda of: shown(cell(path, row, of[1]), of[2] or form), template)
-    return _EMPTY.sub("", text)
+    return _EMPTY.sub("", text).strip()
 
 
 def written(text: str, data: Path) -> str:
