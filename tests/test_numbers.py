@@ -33,7 +33,7 @@ SETTINGS = tuple(
     re.compile(pattern)
     for pattern in (
         rf"(?:{_NUMBER}(?:\s+(?:to|and|or)\s+|[;/]?\s+)?)+[^\s\d<]*(?: [^\s\d<]+)?<!-- setting -->",
-        rf"[\w²]+ ?(?:=|<=|>=|<|>|≤) ?{_NUMBER}(?: %)?",  # T = 0.1 s, R = 0.1
+        rf"\b(?:[A-Za-zλμφ]|lambda|mu|phi) ?[=<>] ?{_NUMBER}(?: %)?",  # T = 0.1 s, R = 0.1
         rf"\[{_NUMBER}, {_NUMBER}\]",  # a stroke
         rf"(?:Poisson|Gaussian|lambda|[Ll]ognormal|Weibull|gamma|dithered)(?: noise)?(?: of)?,? {_NUMBER}",
         r"\b9[05] % (?:confidence )?(?:interval|within)s?",
@@ -82,6 +82,7 @@ def test_every_file_of_data_is_complete_and_shown_or_linked():
         ("From 0.3 to 1<!-- setting --> deg, and `0.5`.", 0),
         ("It has 1.63<!-- rivals.csv, RAM (twins), times the limit --> times.", 0),
         ("It has 1.63<!-- measured --> times.", 1),
+        ("Its RMSE = 0.55 deg.", 1),
     ],
 )
 def test_a_measured_number_is_told_from_a_setting(text, found):
