@@ -22,7 +22,7 @@ NOT_PROSE = (
     TABLE,
     FIGURE,
     re.compile(r"^ *```.*?^ *```", re.DOTALL | re.MULTILINE),
-    re.compile(r"`[^`]*`"),
+    re.compile(r"`[^`\n]*`"),
     re.compile(r"\$\$.*?\$\$|\$[^$\n]+\$", re.DOTALL),
     re.compile(r"\]\([^)]*\)"),
     re.compile(r"^#+ .*$", re.MULTILINE),
