@@ -19,6 +19,7 @@ from twin.evaluation.paper import TABLES, PaperTable, noise_label, paper_value
 from twin.evaluation.protocol import RECORDED, SUITES, Condition
 from twin.evaluation.ranking import MethodRank, Ranking, competes
 from twin.evaluation.score import Group, Score, mean_coverage, rmse_by
+from twin.evaluation.sealed_scores import Sealed
 from twin.files.atomic import MADE_BY
 from twin.signals.noise import noise_variance
 
@@ -487,6 +488,40 @@ def _condition_table(scores: Sequence[Score]) -> str:
         lines.append([*line, _figure(score.width95_deg, ".2f")])
     headers = ["method", "knows", "RMSE [deg]", "times the best", "after 5 s [deg]"]
     return aligned_table(lines, [*headers, "coverage [%]", "width [deg]"], left=2)
+
+
+def sealed_tables(scores: Sequence[Score], summaries: Mapping[str, Sealed | None]) -> str:
+    """Return the tables of the sealed suite: all methods on all conditions, and their RMSE on each kind."""
+    groups = groups_of(scores)
+    first = sorted((score for score in scores if score.group == groups[0]), key=lambda of: of.rmse_deg)
+    lines = []
+    for score in first:
+        summary, spec = summaries.get(score.method), method_spec(score.method)
+        line = [score.label, spec.knows if spec else "-", _rmse(score), f"{score.rmse_steady_deg:.2f}"]
+        if summary is None or not is_deployable(score):
+            line += ["-"] * 3
+        else:
+            ratio = f"{summary.ratio:.2f}{in_brackets(summary.ratio_ci95, '.2f')}"
+            line += [f"{ratio} of {summary.rival}", _percent(summary.worse), _percent(summary.honest)]
+        lines.append([*line, _percent(score.coverage95), str(score.trainings)])
+    headers = ["method", "knows", "RMSE [deg]", "after 5 s [deg]", "times the best other", "worse [%]"]
+    headers += ["honest [%]", "coverage [%]", "trainings"]
+    kinds = [[score.label] for score in first]
+    for line, score in zip(kinds, first, strict=True):
+        errors = {of.group: of.rmse_deg for of in scores if of.method == score.method}
+        line += [f"{errors[group]:.2f}" for group in groups]
+    counts = {score.group: score.level for score in scores}
+    of_kinds = ["method", *(f"{group_name(group)} ({counts[group]:g})" for group in groups)]
+    return "\n\n".join(
+        [
+            "RMSE: geometric mean over conditions, from the second sample on. Worse: conditions in which the "
+            "best other method has a smaller error. Honest: conditions in which a stated 95 % interval "
+            f"covers 90 to 98 % of the samples. {BOLD}",
+            aligned_table(lines, headers, left=2),
+            "RMSE [deg] on each kind of condition (and how many there are):",
+            aligned_table(kinds, of_kinds),
+        ]
+    )
 
 
 def scores_csv(scores: Sequence[Score]) -> str:
