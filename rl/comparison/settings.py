@@ -106,6 +106,16 @@ class Settings:
         """Whether the conditions are drawn by the files under test."""
         return self.suite == SEALED
 
+    @property
+    def draws(self) -> int:
+        """Draws of each noise."""
+        return (4 if self.is_sealed else 20) if self.seeds is None else self.seeds
+
+    @property
+    def count_of_members(self) -> int:
+        """Twins in an ensemble."""
+        return (64 if self.is_sealed else 256) if self.members is None else self.members
+
 
 @dataclasses.dataclass(frozen=True)
 class Suite(Settings):
@@ -157,16 +167,6 @@ class Suite(Settings):
         if self.is_sealed:
             return of.in_sealed_suite
         return not of.on_request if self.is_full else of.in_paper_suite
-
-    @property
-    def draws(self) -> int:
-        """Draws of each noise."""
-        return (4 if self.is_sealed else 20) if self.seeds is None else self.seeds
-
-    @property
-    def count_of_members(self) -> int:
-        """Twins in an ensemble."""
-        return (64 if self.is_sealed else 256) if self.members is None else self.members
 
     @property
     def agents(self) -> list[str]:
