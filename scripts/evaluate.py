@@ -60,6 +60,8 @@ def _full(args: Evaluate) -> Summary:
     if args.write_estimates:
         raise ValueError("--write-estimates is for --suite paper")
     recorded = args.measurements == "recorded"
+    if args.is_sealed and (args.data or recorded):
+        raise ValueError("--suite sealed draws its own conditions: name no records")
     if recorded and not args.data:
         raise ValueError(
             "--measurements recorded: the benchmark's own records have none, name folders of records"
@@ -89,8 +91,6 @@ def _full(args: Evaluate) -> Summary:
         origin=_origin(args, args.model),
     )
     if args.is_sealed:
-        if args.data or recorded:
-            raise ValueError("--suite sealed draws its own conditions: name no records")
         if len(suite.sample_time) > 1:
             raise ValueError("--sample-time: the sealed suite takes one")
         output_folder(args.out, SEALED_FILES)

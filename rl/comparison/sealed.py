@@ -76,7 +76,7 @@ def run_sealed_suite(suite: Suite, progress: NewProgress) -> Result:
         knowledge = learn(fixed, train, T, preset, ranges, executor, progress)
         train_missing(fixed, [knowledge], executor, progress)
         seed = sealed_seed(given, suite.seed)
-        conditions = draw_conditions(preset, ranges, suite.seconds, seed)
+        conditions = draw_conditions(preset, ranges, suite.seconds, seed, CONDITIONS)
         shown = progress("simulate", "condition")
         shown(0, CONDITIONS)
         records = simulate_conditions(conditions, T)

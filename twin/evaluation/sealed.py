@@ -59,7 +59,7 @@ LEVELS = {
 }
 OUTLIER, ASIDE = 6.0, 3.0  # times as wide: outliers, and the errors to one side of a mixture
 
-ALL = "all"
+ALL = "all conditions"
 KINDS = (
     *(ALL, "noise", "sensor fault", "calibrated sensor", "zero unknown", "start at rest", "unknown history"),
     *("sheath still", "sheath bends on", "sheath moves suddenly", "tip touched", "another endoscope"),
@@ -220,7 +220,7 @@ def sealed_seed(files: Sequence[Path], number: int) -> int:
 
 
 def draw_conditions(
-    preset: Preset, ranges: Ranges, seconds: float, seed: int, count: int = CONDITIONS
+    preset: Preset, ranges: Ranges, seconds: float, seed: int, count: int
 ) -> list[SealedCondition]:
     """Draw conditions; each has a stream of random numbers of its own."""
     streams = (random_stream(seed, SeedUse.SEALED_CONDITIONS, number) for number in range(count))

@@ -67,19 +67,29 @@ def protocol_scores(scores: Sequence[Score], sample_time_s: float | None = None)
 
 
 def front_scores(scores: Sequence[Score]) -> list[Score]:
-    """Return the scores that a first look is for: under the paper's noises, its methods and the best.
+    """Return the scores that a first look is for: of `front_noises`, the paper's methods and the two best.
+
+    Of few methods, all are.
+    """
+    found = front_noises(scores)
+    best = list(mean_errors([score for score in found if is_deployable(score)]))[:2]
+    few = len({of.label for of in found}) <= MOST_FRONT
+    return [of for of in found if few or of.label in best or _is_of_the_paper(of.method)]
+
+
+def front_noises(scores: Sequence[Score]) -> list[Score]:
+    """Return the scores of all methods under the paper's noises.
 
     Dithered Poisson noises stand for the paper's where those are missing; without any of its noises, the
-    first five are taken. Of few methods, all are.
+    first five are taken.
     """
     first = protocol_scores(scores)
     noises = dict.fromkeys(score.condition for score in first)
     papers = [(table.noise, level) for table in TABLES for level in table.values]
     named = [of if of in noises else (f"{of[0]}-dithered", of[1]) for of in papers]
     chosen = [of for of in named if of in noises] or list(noises)[: len(papers)]
-    found = sorted((of for of in first if of.condition in chosen), key=lambda of: chosen.index(of.condition))
-    few, best = len({of.label for of in found}) <= MOST_FRONT, best_deployable(found)
-    return [of for of in found if few or of.label == best or _is_of_the_paper(of.method)]
+    found = (of for of in first if of.condition in chosen)
+    return sorted(found, key=lambda of: chosen.index(of.condition))
 
 
 def _is_of_the_paper(method: str) -> bool:
