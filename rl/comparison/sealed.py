@@ -44,13 +44,14 @@ from twin.evaluation.sealed_scores import (
 from twin.files.atomic import MADE_BY, write_whole
 from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.report.publication import NAMES, write_publication
-from twin.report.tables import sealed_tables
+from twin.report.tables import sealed_csv, sealed_rows, sealed_tables
 from twin.workers.processes import choose_workers
 
 RUNS_FILE = "sealed_runs.csv"
 RUN_COLUMNS = ("date", "test_set", "number", "method", "rmse_deg")
 SEALED_FILES = RESULTS | {
     "conditions.csv": "endoscope,physics",
+    "sealed.csv": "method,knows",
     RUNS_FILE: ",".join(RUN_COLUMNS),
     **dict.fromkeys(["sealed.md", *NAMES], MADE_BY),
 }
@@ -110,8 +111,11 @@ def run_sealed_suite(suite: Suite, progress: NewProgress) -> Result:
     write_results(suite, [Comparison(scores, tracks, rankings, squares)], protocol)
     summaries = {method.name: summary_of(method.name, results) for method in methods if not method.oracle}
     remark = f"Test set {name} (number {suite.seed}); test sets tried in this folder: {runs}."
-    tables = sealed_tables(scores, summaries)
-    write_whole(suite.out / "sealed.md", f"{remark}\n\n{tables}\n\n<!-- {MADE_BY} -->\n")
+    rows = sealed_rows(scores, summaries)
+    counts = {score.twin: int(score.level) for score in scores if score.group != scores[0].group}
+    text = f"{remark}\n\n{sealed_tables(rows, counts)}\n\n<!-- {MADE_BY} -->\n"
+    write_whole(suite.out / "sealed.md", text)
+    write_whole(suite.out / "sealed.csv", sealed_csv(rows))
     write_whole(suite.out / "conditions.csv", _conditions_csv(conditions, results))
     write_publication(suite.out, scores, tracks, rankings, suite.format)
     return Result(scores, tracks, CONDITIONS, f"; {remark[0].lower()}{remark[1:-1]}")

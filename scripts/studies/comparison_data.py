@@ -1,4 +1,4 @@
-"""Files of docs/data from a folder of `evaluate --suite full`: scores, costs, tables of the comparison."""
+"""Files of docs/data from a folder of `evaluate --suite full` or `sealed`."""
 
 import csv
 import datetime
@@ -6,6 +6,7 @@ import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,10 @@ Score = Mapping[str, str]
 
 
 def write_comparison(results: Path, data: Path, commit: str) -> None:
-    """Write scores.csv, costs.csv and the tables of the comparison into `data`; `commit` made the run."""
+    """Write scores.csv, costs.csv and the tables of the comparison into `data`; `commit` made the run.
+
+    Of the sealed suite, write sealed.csv, with the test set and how many were tried.
+    """
     evaluation = json.loads((results / "evaluation.json").read_text())
     origin = stated_origin(evaluation)
     if origin is None:
@@ -35,7 +39,12 @@ def write_comparison(results: Path, data: Path, commit: str) -> None:
         "date": datetime.date.fromtimestamp(time).isoformat(),
         "versions": " ".join(f"{name} {version}" for name, version in origin.versions.items()),
     }
-    head = "".join(f"# {name}: {value}\n" for name, value in stated.items())
+    sealed = results / "sealed.csv"
+    if sealed.is_file():
+        of_set = {name: evaluation["protocol"][name] for name in ("test_set", "test_sets_in_this_folder")}
+        write_whole(data / "sealed.csv", _head(stated | of_set) + sealed.read_text())
+        return
+    head = _head(stated)
     given = {row["method"]: ", ".join(row["given"]) for row in evaluation["rows"]}
     for name in ("scores", "costs"):
         write_whole(data / f"{name}.csv", head + (results / f"{name}.csv").read_text())
@@ -44,6 +53,10 @@ def write_comparison(results: Path, data: Path, commit: str) -> None:
     write_whole(data / "rivals.csv", head + rivals(scores, given))
     write_whole(data / "rmse_groups.csv", head + groups(scores))
     write_whole(data / "better_cells.csv", head + better_cells(scores))
+
+
+def _head(stated: Mapping[str, Any]) -> str:
+    return "".join(f"# {name}: {value}\n" for name, value in stated.items())
 
 
 def rivals(scores: Sequence[Score], given: Mapping[str, str]) -> str:
