@@ -31,8 +31,8 @@ class Evaluate(Settings):
     The suite `full` has every estimator here, eleven noises, two sample times and the limit, an ensemble of
     twins. It makes missing records, models and training runs. All is kept; a stopped run continues.
 
-    The suite `sealed` draws 200 conditions by a hash of the given files and --seed: a changed policy meets
-    others. Learned methods are compared where they are given or named.
+    The suite `sealed` draws 200 conditions by a hash of the given files and --seed, so that a changed policy
+    meets others. Learned methods are compared where they are given or named.
 
     Examples:
         endotwin evaluate data/test --train data/train --model coleman_hodgdon.json --methods AM --out out/am
