@@ -13,7 +13,7 @@ BENCHMARK ?= out/benchmark.json
 # Without its bytecode every start of Python compiles all that it imports: a command takes twice as long to begin.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: install demo test lint types docs validate benchmark endurance protobuf schema samples clean
+.PHONY: install demo test lint types docs validate benchmark endurance protobuf schema samples tables clean
 
 install: $(STAMP)
 
@@ -70,6 +70,10 @@ schema: install
 # Sample logs and a tiny dataset, which `endotwin samples` copies.
 samples: install
 	$(BIN)/python -m scripts.studies.make_samples
+
+# Tables and figures of the documents, from the files of docs/data.
+tables: install
+	$(BIN)/python -m scripts.studies.tables
 
 clean:
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

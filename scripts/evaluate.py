@@ -31,6 +31,9 @@ class Evaluate(Settings):
     The suite `full` has every estimator here, eleven noises, two sample times and the limit, an ensemble of
     twins. It makes missing records, models and training runs. All is kept; a stopped run continues.
 
+    The suite `sealed` draws 200 conditions by a hash of the given files and --seed, so that a changed policy
+    meets others. Learned methods are compared where they are given or named.
+
     Examples:
         endotwin evaluate data/test --train data/train --model coleman_hodgdon.json --methods AM --out out/am
         endotwin evaluate data/measured --policy runs/device/policy.onnx --measurements recorded --out out/log
@@ -40,7 +43,7 @@ class Evaluate(Settings):
         "Methods": "policy",
         "Measurements": "measurements",
         "Protocol": "seeds",
-        "Suites full and untrained": "preset",
+        "Suites full, untrained and sealed": "preset",
     }
 
 
@@ -57,24 +60,28 @@ def _full(args: Evaluate) -> Summary:
     if args.write_estimates:
         raise ValueError("--write-estimates is for --suite paper")
     recorded = args.measurements == "recorded"
+    if args.is_sealed and (args.data or recorded):
+        raise ValueError("--suite sealed draws its own conditions: name no records")
     if recorded and not args.data:
         raise ValueError(
             "--measurements recorded: the benchmark's own records have none, name folders of records"
         )
     from rl.comparison.full import SAMPLE_TIMES, full_files, run_full_suite
     from rl.comparison.given import given_files
+    from rl.comparison.sealed import SEALED_FILES, run_sealed_suite
     from twin.evaluation.reading import chosen_measurements
     from twin.files.bounds import MOST_WORKERS, check_between
 
     check_between("workers", args.workers, 0, MOST_WORKERS)
     where = Path.cwd() if args.dask else Path()  # other machines work elsewhere
+    times = SAMPLE_TIMES[:1] if args.is_sealed else SAMPLE_TIMES
     settings = vars(args) | {
         "out": where / args.out,
         "data": tuple(where / path for path in args.data),
         "train": args.train and where / args.train,
         "method_file": tuple(where / path for path in args.method_file),
-        "sample_time": tuple(sorted({*(args.sample_time or SAMPLE_TIMES)}, reverse=True)),
-        "seeds": 1 if recorded else args.seeds,
+        "sample_time": tuple(sorted({*(args.sample_time or times)}, reverse=True)),
+        "seeds": 1 if recorded else args.draws,
         "workers": args.workers or os.cpu_count() or 1,
     }
     suite = Suite(
@@ -83,6 +90,12 @@ def _full(args: Evaluate) -> Summary:
         recorded_variance=_variance(args, recorded),
         origin=_origin(args, args.model),
     )
+    if args.is_sealed:
+        if len(suite.sample_time) > 1:
+            raise ValueError("--sample-time: the sealed suite takes one")
+        output_folder(args.out, SEALED_FILES)
+        sealed = run_sealed_suite(suite, Progress)
+        return _summary(suite, sealed, {"rows": len(sealed.scores)})
     output_folder(args.out, full_files())
     if args.data:
         _say(chosen_measurements("recorded" if recorded else "drawn", args.data)[1])
@@ -112,7 +125,7 @@ def _paper(args: Evaluate) -> Summary:
     settings = vars(args) | {
         "model": source,
         "sample_time": times,
-        "seeds": 1 if recorded else args.seeds,
+        "seeds": 1 if recorded else args.draws,
         "sensor_variance": variance,
         "workers": 1,
     }

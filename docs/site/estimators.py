@@ -12,7 +12,7 @@ from twin.evaluation.paper import noise_label
 from twin.report.run_page import agent_names
 
 EQUATIONS = Path(__file__).with_name("equations.md")
-PUBLISHED = Path(__file__).parents[1] / "benchmark"
+PUBLISHED = Path(__file__).parents[1] / "data"
 """Published scores and costs on the frozen test set, as `endotwin evaluate --suite full` writes them."""
 MODELS = ("coleman-hodgdon", "bouc-wen", "prandtl-ishlinskii")
 
@@ -112,7 +112,7 @@ def _published(name: str) -> dict[str, list[dict[str, str]]]:
     path = PUBLISHED / name
     if path.is_file():
         with path.open() as file:
-            for row in csv.DictReader(file):
+            for row in csv.DictReader(line for line in file if not line.startswith("#")):
                 found.setdefault(row["method"], []).append(row)
     return found
 

@@ -68,16 +68,16 @@ def run_full_suite(suite: Suite, progress: NewProgress) -> Result:
     the folder holds another comparison.
     """
     preset, ranges = load_preset(suite.preset), load_ranges(suite.preset)
-    _refuse_mistakes(suite, preset)
+    refuse_mistakes(suite, preset)
     suite.out.mkdir(parents=True, exist_ok=True)
-    _claim(suite, preset, ranges)
+    claim(suite, preset, ranges)
     files = suite.method_file
     load_methods = functools.partial(load_method_files, files) if files else None
     with choose_workers(suite.workers, suite.workers, suite.dask, load_methods) as (executor, _):
         data = suite.data or _records(suite, preset, ranges, progress)
-        train = suite.train or _training_records(suite, preset, executor, progress)
-        known = [_learn(suite, train, T, preset, ranges, executor, progress) for T in suite.sample_time]
-        _train_all(suite, known, executor, progress)
+        train = suite.train or training_records(suite, preset, executor, progress)
+        known = [learn(suite, train, T, preset, ranges, executor, progress) for T in suite.sample_time]
+        train_missing(suite, known, executor, progress)
         ensembles = _ensembles_along(suite, data, preset, ranges, progress)
         found: list[Comparison] = []
         limits: list[dict[str, Any]] = []
@@ -103,7 +103,7 @@ def run_full_suite(suite: Suite, progress: NewProgress) -> Result:
     return _write(suite, found, limits, sets, records, costs)
 
 
-def _refuse_mistakes(suite: Suite, preset: Preset) -> None:
+def refuse_mistakes(suite: Suite, preset: Preset) -> None:
     """Refuse mistakes before other methods are trained."""
     if suite.member_physics == "reduced" and any(spec.ensembles for spec in suite.specs):
         refuse_gravity(preset)
@@ -116,7 +116,7 @@ def _refuse_mistakes(suite: Suite, preset: Preset) -> None:
         true_records([suite.train], max(suite.sample_time))
 
 
-def _claim(suite: Suite, preset: Preset, ranges: Ranges) -> None:
+def claim(suite: Suite, preset: Preset, ranges: Ranges) -> None:
     """Refuse a folder whose records, fits and networks were made from something else."""
     given = None
     if suite.train:
@@ -143,7 +143,7 @@ def _records(suite: Suite, preset: Preset, ranges: Ranges, progress: NewProgress
     return tuple(paths)
 
 
-def _training_records(suite: Suite, preset: Preset, executor: Executor, progress: NewProgress) -> Path:
+def training_records(suite: Suite, preset: Preset, executor: Executor, progress: NewProgress) -> Path:
     """Simulate five records on the paper's training stroke, one of each kind of signal."""
     folder = suite.out / "train"
     if not (folder / "dataset.json").is_file():
@@ -153,7 +153,7 @@ def _training_records(suite: Suite, preset: Preset, executor: Executor, progress
     return folder
 
 
-def _learn(
+def learn(
     suite: Suite,
     train: Path,
     T: float,
@@ -204,7 +204,9 @@ def _to_train(suite: Suite) -> list[str]:
     return [agent for agent in suite.agents if agent not in suite.trained]
 
 
-def _train_all(suite: Suite, known: Sequence[Knowledge], executor: Executor, progress: NewProgress) -> None:
+def train_missing(
+    suite: Suite, known: Sequence[Knowledge], executor: Executor, progress: NewProgress
+) -> None:
     """Train every learned method that is not given, at every sample time, on as many samples at each."""
     # PPO takes longest, so it starts first: otherwise the other workers would idle at the end.
     agents = sorted(_to_train(suite), key=lambda agent: not find_trainer(agent).counts_samples)
@@ -247,9 +249,9 @@ def _ensembles_along(
                 ranges,
                 list(pulls.values()),
                 suite.out / "ensembles",
-                count=suite.members,
+                count=suite.count_of_members,
                 seed=suite.seed,
-                first=number * suite.members,
+                first=number * suite.count_of_members,
                 physics=suite.member_physics,
                 on_progress=progress("ensembles", "command"),
             )
@@ -278,8 +280,9 @@ def _write(
     scores = [score for of in found for score in of.scores]
     rankings = [ranking for of in found for ranking in of.rankings]
     test_set = name_of_test_set(records, suite.sample_time[-1])
-    settings = ("suite", "seeds", "initial_error_deg", "seed", "preset", "members", "ensembles")
-    protocol = {name: getattr(suite, name) for name in (*settings, "member_physics", "episodes", "trainings")}
+    settings = ("suite", "seeds", "initial_error_deg", "seed", "preset", "ensembles", "member_physics")
+    protocol = {name: getattr(suite, name) for name in (*settings, "episodes", "trainings")}
+    protocol["members"] = suite.count_of_members
     protocol |= {
         "sample_times_s": list(suite.sample_time),
         "records": len(records),

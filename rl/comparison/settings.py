@@ -12,7 +12,7 @@ from rl.options import LIMITS, TrainingOptions
 from twin.errors import InputError
 from twin.estimation.methods import Presentation
 from twin.estimation.registry import MethodSpec, find_method, method_specs
-from twin.evaluation.protocol import RECORD_SAMPLE_TIME, Condition, Protocol
+from twin.evaluation.protocol import RECORD_SAMPLE_TIME, SEALED, Condition, Protocol
 from twin.files.bounds import LONGEST_SECONDS, MOST_TRAININGS, MOST_WORKERS, check_between
 from twin.preset.preset import ZERO_DEVIATION_DEG
 
@@ -41,7 +41,8 @@ class Settings:
     """Training set, to train what is not given and to tune the yardsticks."""
     suite: str = "paper"
     """paper: its five noises, and the Poisson ones with dither; paper-only: its five; full; untrained: as
-    full, with faults of the sensor and twins that are in no training."""
+    full, with faults of the sensor and twins that are in no training; sealed: 200 conditions from broad
+    distributions, drawn by a hash of the given files and --seed."""
     policy: tuple[Path, ...] = ()
     """Trained files of any method, as `endotwin train` writes them: policy.onnx, lstm.onnx ... One that was
     trained at one sample time runs only at that one (--sample-time). Files of one method that differ only in
@@ -62,8 +63,8 @@ class Settings:
     write_estimates: bool = False
     """Also write each record into OUT/estimates, with the estimates of all methods from its recorded
     measurements as /estimate/METHOD."""
-    seeds: int = 20
-    """Draws of the noise."""
+    seeds: int | None = None
+    """Draws of each noise: 20, and 4 in each of the sealed conditions."""
     sample_time: tuple[float, ...] = ()
     """T [s]; records are thinned to it. Without it, 0.1, and in the full suite 0.1 and 0.02."""
     initial_error_deg: float = 20.0
@@ -75,8 +76,8 @@ class Settings:
     trainings: int = 1
     """Trainings of each learned method that is not given, with --seed and the seeds after it; a row is their
     mean, with the spread."""
-    members: int = 256
-    """Twins in an ensemble."""
+    members: int | None = None
+    """Twins in an ensemble: 256, in the sealed suite 64."""
     ensembles: int = 1
     """Ensembles, each of other twins; a row is their mean, with the spread."""
     member_physics: Literal["reduced", "mujoco"] = "reduced"
@@ -98,7 +99,22 @@ class Settings:
     @property
     def is_full(self) -> bool:
         """Whether missing records, models and ensembles are made."""
-        return self.suite in ("full", "untrained")
+        return self.suite in ("full", "untrained", SEALED)
+
+    @property
+    def is_sealed(self) -> bool:
+        """Whether the conditions are drawn by the files under test."""
+        return self.suite == SEALED
+
+    @property
+    def draws(self) -> int:
+        """Draws of each noise."""
+        return (4 if self.is_sealed else 20) if self.seeds is None else self.seeds
+
+    @property
+    def count_of_members(self) -> int:
+        """Twins in an ensemble."""
+        return (64 if self.is_sealed else 256) if self.members is None else self.members
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,7 +136,7 @@ class Suite(Settings):
             steps = T / RECORD_SAMPLE_TIME
             if self.is_full and (steps < 1 or abs(steps - round(steps)) > 1e-9):
                 raise InputError(f"sample_time = {T:g} s: must be a multiple of {RECORD_SAMPLE_TIME:g} s")
-        check_between("members", self.members, 8, MOST_MEMBERS)
+        check_between("members", self.count_of_members, 8, MOST_MEMBERS)
         check_between("ensembles", self.ensembles, 1, MOST_ENSEMBLES)
         check_between("seconds", self.seconds, 5, LONGEST_SECONDS, "s")
         check_between("episodes", self.episodes, *LIMITS["episodes"])
@@ -148,6 +164,8 @@ class Suite(Settings):
         return [spec for spec in specs if not (no_density and spec.needs_density)]
 
     def _has(self, of: Presentation) -> bool:
+        if self.is_sealed:
+            return of.in_sealed_suite
         return not of.on_request if self.is_full else of.in_paper_suite
 
     @property
@@ -159,8 +177,8 @@ class Suite(Settings):
         """Return the protocol at one sample time [s]."""
         recorded = self.recorded_variance
         return Protocol(
-            self.suite,
-            self.seeds,
+            "full" if self.is_sealed else self.suite,
+            self.draws,
             sample_time,
             self.initial_error_deg,
             self.seed,

@@ -426,21 +426,7 @@ class Ensembles:
     @functools.cached_property
     def _loaded(self) -> list[tuple[Array, Array]]:
         """Pull (N,) [mm] and members (M, N) [deg] of every command, read once."""
-        loaded = []
-        for path in self.paths:
-            arrays = read_arrays(path, MOST_BYTES, "ensemble")
-            try:
-                step = float(arrays["sample_time"])
-                pull_mm, bend_deg = arrays["pull_mm"], arrays["bend_deg"]
-                fits = pull_mm.ndim == 1 and bend_deg.ndim == 2 and bend_deg.shape[1] == len(pull_mm)
-                fits = fits and bend_deg.dtype.kind == "f" and 0 < step <= self.sample_time
-            except (KeyError, TypeError):
-                fits = False
-            if not fits:
-                raise InputError(f"{path} holds no ensemble: remove it, and it is made again")
-            every = round(self.sample_time / step)
-            loaded.append((pull_mm[::every], bend_deg[:, ::every]))
-        return loaded
+        return [_read(path, self.sample_time) for path in self.paths]
 
     def _alike(self, case: Case) -> list[tuple[list[int], Array]]:
         """Runs that share command, noise and missing measurements: their filters share one covariance."""
@@ -449,6 +435,23 @@ class Ensembles:
             missing = np.isnan(case.measurement_deg[run]).tobytes()
             groups.setdefault((pull.tobytes(), missing, case.noises[run]), []).append(run)
         return [(runs, self.along(case.pull_mm[runs[0]])) for runs in groups.values()]
+
+
+@functools.lru_cache(maxsize=256)  # workers read the files of many conditions again and again
+def _read(path: Path, sample_time: float) -> tuple[Array, Array]:
+    """Return pull (N,) [mm] and members (M, N) [deg] of a file at T [s]."""
+    arrays = read_arrays(path, MOST_BYTES, "ensemble")
+    try:
+        step = float(arrays["sample_time"])
+        pull_mm, bend_deg = arrays["pull_mm"], arrays["bend_deg"]
+        fits = pull_mm.ndim == 1 and bend_deg.ndim == 2 and bend_deg.shape[1] == len(pull_mm)
+        fits = fits and bend_deg.dtype.kind == "f" and 0 < step <= sample_time
+    except (KeyError, TypeError):
+        fits = False
+    if not fits:
+        raise InputError(f"{path} holds no ensemble: remove it, and it is made again")
+    every = round(sample_time / step)
+    return pull_mm[::every], bend_deg[:, ::every]
 
 
 def _register(name: str, build: Build, *of_noise: str, needs_density: bool = False) -> None:

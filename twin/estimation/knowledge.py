@@ -117,6 +117,7 @@ class Case:
     # (B,) kind and level of each run's noise: only for the limit, which knows all of it
     noises: tuple[tuple[str, float], ...] = ()
     truth_deg: Array | None = None  # (B, N) true angle, given only to oracles [deg]
+    from_rest: bool = True  # whether all runs begin at rest; else nothing is known of their history
 
 
 CaseEstimator = Callable[[Case], Array]  # returns (B, N) estimated angles [deg] of a case

@@ -26,6 +26,7 @@ class Presentation:
     family: Family  # kind of method
     in_paper_suite: bool = False  # whether the suite `paper` compares it
     on_request: bool = False  # the suite `full` compares it only where it is named or its file is given
+    in_sealed_suite: bool = False  # whether the suite `sealed` compares it without its file
     in_paper_tables: bool = False  # whether the full suite shows it in the paper's tables too
     paper_column: int | None = None  # its column in the paper's Tables II and III, from the left, if any
     paper_figures: tuple[int, ...] = ()  # figures of the paper that show it
@@ -56,23 +57,23 @@ def _paper(
 
 _TRACKING = (6, 7, 8, 9, 10)
 _ON_REQUEST = Presentation("learned", on_request=True)
-_TUNED = Presentation("tuned filter")
-_TUNED_ON_REQUEST = Presentation("tuned filter", on_request=True)
+_TUNED = Presentation("tuned filter", in_sealed_suite=True)
+_TUNED_ON_REQUEST = Presentation("tuned filter", on_request=True, in_sealed_suite=True)
 
 METHODS: dict[str, Presentation] = {
-    "C-H": _paper("model", Style("#6f3fa0", (0, (6, 2, 1, 2))), 0, _TRACKING),
+    "C-H": _paper("model", Style("#6f3fa0", (0, (6, 2, 1, 2))), 0, _TRACKING, in_sealed_suite=True),
     "C-H (monotone)": Presentation("model"),
     "Bouc-Wen": Presentation("model"),
     "P-I": Presentation("model"),
-    "AM": _paper("filter", Style("#e2861b", (0, (5, 1.5))), 1, _TRACKING),
+    "AM": _paper("filter", Style("#e2861b", (0, (5, 1.5))), 1, _TRACKING, in_sealed_suite=True),
     "KF": Presentation("filter"),
     "UKF": Presentation("filter"),
     "ESMF": Presentation("set-membership filter"),
     "ESMF (geometry)": Presentation("set-membership filter"),
-    "AM-tuned": _paper("tuned filter", Style("#8a5a12", (0, (3, 1, 1, 1)))),
+    "AM-tuned": _paper("tuned filter", Style("#8a5a12", (0, (3, 1, 1, 1))), in_sealed_suite=True),
     "AM-tuned (Q, R)": _TUNED,
     "AM-tuned (Bouc-Wen)": _TUNED,
-    "UKF-tuned (Bouc-Wen)": _TUNED,
+    "UKF-tuned (Bouc-Wen)": Presentation("tuned filter"),
     "AM-tuned (P-I)": _TUNED,
     "AM-tuned (twins)": _TUNED_ON_REQUEST,
     "AM-tuned (Bouc-Wen, twins)": _TUNED_ON_REQUEST,
@@ -88,7 +89,7 @@ METHODS: dict[str, Presentation] = {
     "KalmanNet": Presentation("learned", in_paper_tables=True),
     "Direct RL": _paper("learned", Style("#5f86b3", "-", 0.9), figures=(5,)),
     "RAM": _paper("learned", Style("#c4161c", "-", 1.5), 3, (5, *_TRACKING), proposed=True),
-    "Constant gain": Presentation("tuned filter", in_paper_suite=True),
+    "Constant gain": Presentation("tuned filter", in_paper_suite=True, in_sealed_suite=True),
     "RAM (oracle)": _paper("learned"),
     "Own agent": _ON_REQUEST,
     "LSTM (twins)": _ON_REQUEST,
@@ -104,8 +105,8 @@ METHODS: dict[str, Presentation] = {
     ),
     "RAM (twins), filter alone": Presentation("learned"),
     "RAM (twins), filter and classifier": _ON_REQUEST,
-    "Ensemble": Presentation("ensemble"),
-    "Ensemble with bias": Presentation("ensemble", on_request=True),
+    "Ensemble": Presentation("ensemble", in_sealed_suite=True),
+    "Ensemble with bias": Presentation("ensemble", on_request=True, in_sealed_suite=True),
     "Particles (families)": Presentation("ensemble", on_request=True),
     "Ensemble (limit)": Presentation("ensemble", is_limit=True),
     "Ensemble (limit, zero unknown)": Presentation("ensemble"),
@@ -113,5 +114,5 @@ METHODS: dict[str, Presentation] = {
 }
 """Every method of the package, in the order of tables."""
 
-UNLISTED = Presentation("filter", in_paper_suite=True)
+UNLISTED = Presentation("filter", in_paper_suite=True, in_sealed_suite=True)
 """Presentation of a method without a row, such as one of a method file: after all others, in every suite."""

@@ -146,6 +146,8 @@ class Filtering:
     def with_interval(self, case: Case) -> tuple[Array, Array | None]:
         """Return (B, N) estimated angles and half of their 95 % intervals [deg], or None."""
         filter_ = self.estimator.with_sensor(case.sensor)
+        if not case.from_rest:
+            filter_ = filter_.begun(from_rest=False)
         of_case = case.pull_mm, case.measurement_deg, case.initial_bend_deg
         if filter_.states_interval:
             return filter_.estimate_with_interval(*of_case)

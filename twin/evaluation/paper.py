@@ -10,6 +10,7 @@ varies, and its rows at R = 1 and lambda = 2 are equal: they are quoted here as 
 import dataclasses
 
 from twin.estimation.registry import method_spec
+from twin.evaluation.protocol import SEALED
 from twin.signals.noise import SENSORS
 
 INSTRUMENT = "ureteroscope"
@@ -90,6 +91,8 @@ def noise_label(noise: str, level: float) -> str:
     """Return a noise as people write it: `Gaussian, R = 1 deg²`, `Poisson, λ = 0.1`."""
     if noise == "salt-and-pepper":
         return f"Outliers, {100 * level:g} %"
+    if noise == SEALED:
+        return f"{level:g} sealed conditions"
     if noise in SENSORS:
         return SENSORS[noise].label.format(level)
     kind, _, variant = noise.partition("-")

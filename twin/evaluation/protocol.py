@@ -46,6 +46,8 @@ UNTRAINED_CONDITIONS = (
     ("stuck", 0.1),
 )
 """Faults of a sensor (`twin.signals.sensor_errors`); the first is none, for twins that are in no training."""
+SEALED = "sealed"
+"""Suite, and noise of its rows, whose level is the number of conditions (`twin.evaluation.sealed`)."""
 # Counts are whole degrees: without dither the angle could be read off their lattice.
 SUITES = {
     "paper": PAPER_CONDITIONS + DITHERED_CONDITIONS,
@@ -69,7 +71,8 @@ class Protocol:
 
     def __post_init__(self) -> None:
         if self.suite not in SUITES:
-            raise InputError(f"unknown suite {self.suite!r}; valid: {', '.join(SUITES)}")
+            valid = f"{', '.join(SUITES)}; `endotwin evaluate` has {SEALED} too"
+            raise InputError(f"unknown suite {self.suite!r}; valid: {valid}")
         check_between("seeds", self.seeds, 1, MOST_SEEDS)
         check_between("initial_error_deg", self.initial_error_deg, -LARGEST_ERROR_DEG, LARGEST_ERROR_DEG)
         check_between("sample_time", self.sample_time_s, *SAMPLE_TIMES, "s")

@@ -101,9 +101,31 @@ def rank_methods(squares: Mapping[str, Array], oracles: Sequence[str] = ()) -> l
     shapes = {of.shape[1:] for of in squares.values()}
     if len(shapes) != 1:
         raise ValueError(f"runs of shapes {sorted(shapes)}: methods must be compared on the same ones")
-    racing = [place for place, name in enumerate(squares) if competes(name, name in oracles)]
     noises = _errors_by_noise([squares])
-    whole = _mean(noises)
+    return _ranked(list(squares), _mean(noises), noises, oracles)
+
+
+def rank_conditions(logs: Mapping[str, Array], oracles: Sequence[str] = ()) -> list[MethodRank]:
+    """Return the ranks of methods by the geometric mean of their RMSE over conditions, each of them a unit.
+
+    `logs` are, by method, (K, C) logarithms of the RMSE of K training runs in the same C conditions [deg].
+    """
+    means = np.array([of.mean() for of in logs.values()])
+    of_conditions = np.array([of.mean(axis=0) for of in logs.values()]).T  # (C, M)
+    count = len(of_conditions)
+    left_out = [(count * means - of_conditions) / (count - 1)] if count > 1 else []
+    for place, of in enumerate(logs.values()):
+        if (runs := len(of)) > 1:
+            left_out.append(np.zeros((runs, len(logs))))
+            left_out[-1][:, place] = (runs * means[place] - of.mean(axis=1)) / (runs - 1)
+    whole = _Errors(means, left_out)
+    return _ranked(list(logs), whole, [whole], oracles)
+
+
+def _ranked(
+    names: Sequence[str], whole: "_Errors", noises: Sequence["_Errors"], oracles: Sequence[str]
+) -> list[MethodRank]:
+    racing = [place for place, name in enumerate(names) if competes(name, name in oracles)]
     order = sorted(racing, key=lambda place: whole.log[place])
     rank_intervals = _rank_intervals(whole, order)
     best_of = [min(racing, key=lambda place: noise.log[place], default=None) for noise in noises]
@@ -122,7 +144,7 @@ def rank_methods(squares: Mapping[str, Array], oracles: Sequence[str] = ()) -> l
             ),
             tuple(place == winner for winner in winners),
         )
-        for place, name in enumerate(squares)
+        for place, name in enumerate(names)
     ]
 
 

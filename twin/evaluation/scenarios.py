@@ -156,7 +156,8 @@ def simulate_pushed(drive: Scenario) -> Episode:
     return simulate(drive.preset, drive.pull, SAMPLE_TIME, sheath_bend=drive.sheath_bend, on_sample=push)
 
 
-def _simulate_all(drives: Sequence[Scenario]) -> list[Episode | None]:
+def simulate_all(drives: Sequence[Scenario]) -> list[Episode | None]:
+    """Simulate drives of any presets in MuJoCo, with their forces; None where a simulation diverged."""
     episodes: list[Episode | None] = [None] * len(drives)
     together: dict[str, list[int]] = {}
     for place, drive in enumerate(drives):
@@ -202,7 +203,7 @@ def write_scenarios(
             )
         return paths
     files = []
-    for path, drive, episode in zip(paths, drives, _simulate_all(drives), strict=True):
+    for path, drive, episode in zip(paths, drives, simulate_all(drives), strict=True):
         if episode is None:
             raise DivergedError(f"the simulation of {path.name} ({drive.twin}) diverged")
         conditions = {"twin": drive.twin, "signal": drive.signal, "stroke_mm": list(drive.stroke_mm)}

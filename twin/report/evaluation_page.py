@@ -53,7 +53,7 @@ def answer(scores: Sequence[Score]) -> Markup:
     """Return the best method that can be deployed, and the next, in a sentence."""
     if not scores:
         raise InputError("it has no rows")
-    front = [score for score in tables.front_scores(scores) if tables.is_deployable(score)]
+    front = [score for score in tables.front_noises(scores) if tables.is_deployable(score)]
     if not front:
         return html.text("No method that can be deployed was compared.", "headline")
     noises = len({score.condition for score in front})

@@ -19,6 +19,7 @@ from twin.evaluation.paper import TABLES, PaperTable, noise_label, paper_value
 from twin.evaluation.protocol import RECORDED, SUITES, Condition
 from twin.evaluation.ranking import MethodRank, Ranking, competes
 from twin.evaluation.score import Group, Score, mean_coverage, rmse_by
+from twin.evaluation.sealed_scores import Sealed
 from twin.files.atomic import MADE_BY
 from twin.signals.noise import noise_variance
 
@@ -66,19 +67,29 @@ def protocol_scores(scores: Sequence[Score], sample_time_s: float | None = None)
 
 
 def front_scores(scores: Sequence[Score]) -> list[Score]:
-    """Return the scores that a first look is for: under the paper's noises, its methods and the best.
+    """Return the scores that a first look is for: of `front_noises`, the paper's methods and the two best.
+
+    Of few methods, all are.
+    """
+    found = front_noises(scores)
+    best = list(mean_errors([score for score in found if is_deployable(score)]))[:2]
+    few = len({of.label for of in found}) <= MOST_FRONT
+    return [of for of in found if few or of.label in best or _is_of_the_paper(of.method)]
+
+
+def front_noises(scores: Sequence[Score]) -> list[Score]:
+    """Return the scores of all methods under the paper's noises.
 
     Dithered Poisson noises stand for the paper's where those are missing; without any of its noises, the
-    first five are taken. Of few methods, all are.
+    first five are taken.
     """
     first = protocol_scores(scores)
     noises = dict.fromkeys(score.condition for score in first)
     papers = [(table.noise, level) for table in TABLES for level in table.values]
     named = [of if of in noises else (f"{of[0]}-dithered", of[1]) for of in papers]
     chosen = [of for of in named if of in noises] or list(noises)[: len(papers)]
-    found = sorted((of for of in first if of.condition in chosen), key=lambda of: chosen.index(of.condition))
-    few, best = len({of.label for of in found}) <= MOST_FRONT, best_deployable(found)
-    return [of for of in found if few or of.label == best or _is_of_the_paper(of.method)]
+    found = (of for of in first if of.condition in chosen)
+    return sorted(found, key=lambda of: chosen.index(of.condition))
 
 
 def _is_of_the_paper(method: str) -> bool:
@@ -487,6 +498,67 @@ def _condition_table(scores: Sequence[Score]) -> str:
         lines.append([*line, _figure(score.width95_deg, ".2f")])
     headers = ["method", "knows", "RMSE [deg]", "times the best", "after 5 s [deg]"]
     return aligned_table(lines, [*headers, "coverage [%]", "width [deg]"], left=2)
+
+
+def sealed_rows(scores: Sequence[Score], summaries: Mapping[str, Sealed | None]) -> list[Row]:
+    """Return a row of each method of the sealed suite, the least error first; unknown values are None."""
+    rows = []
+    first = [score for score in scores if score.group == scores[0].group]
+    for score in sorted(first, key=lambda of: of.rmse_deg):
+        summary, spec = summaries.get(score.method), method_spec(score.method)
+        known = summary is not None and is_deployable(score)
+        of_rival = dataclasses.asdict(summary) if summary is not None and known else {}
+        low, high = of_rival.get("ratio_ci95", (None, None))
+        rows.append(
+            {"method": score.label, "knows": spec.knows if spec else ""}
+            | {"rmse_deg": score.rmse_deg}
+            | dict(zip(("rmse_low_deg", "rmse_high_deg"), score.rmse_ci95_deg, strict=True))
+            | {"rmse_steady_deg": score.rmse_steady_deg}
+            | {"rival": of_rival.get("rival"), "ratio": of_rival.get("ratio")}
+            | {"ratio_low": low, "ratio_high": high}
+            | {"worse": of_rival.get("worse"), "honest": of_rival.get("honest")}
+            | {"coverage95": score.coverage95, "trainings": score.trainings}
+            | {of.twin: of.rmse_deg for of in scores if of.method == score.method and of.group != score.group}
+        )
+    return rows
+
+
+def sealed_csv(rows: Sequence[Row]) -> str:
+    """Return the rows of `sealed_rows` as CSV."""
+    return _csv(rows)
+
+
+def sealed_tables(rows: Sequence[Row], counts: Mapping[str, int]) -> str:
+    """Return the tables of `sealed_rows` in Markdown; `counts` are the conditions of each kind."""
+
+    def ratio(row: Row) -> str:
+        if row["rival"] is None:
+            return "-"
+        return f"{row['ratio']:.2f} ({row['ratio_low']:.2f} to {row['ratio_high']:.2f}) of {row['rival']}"
+
+    lines = [
+        [
+            *(row["method"], row["knows"]),
+            f"{row['rmse_deg']:.2f} ({row['rmse_low_deg']:.2f} to {row['rmse_high_deg']:.2f})",
+            *(f"{row['rmse_steady_deg']:.2f}", ratio(row)),
+            *(_percent(row[name]) for name in ("worse", "honest", "coverage95")),
+            str(row["trainings"]),
+        ]
+        for row in rows
+    ]
+    headers = ["method", "knows", "RMSE [deg]", "after 5 s [deg]", "times the best other", "worse [%]"]
+    headers += ["honest [%]", "coverage [%]", "trainings"]
+    of_kinds = [[row["method"], *(f"{row[kind]:.2f}" for kind in counts)] for row in rows]
+    return "\n\n".join(
+        [
+            "RMSE: geometric mean over conditions, from the second sample on. Worse: conditions in which the "
+            "best other method has a smaller error. Honest: conditions in which a stated 95 % interval "
+            "covers 90 to 98 % of the samples. Intervals: 95 %, over conditions and trainings.",
+            aligned_table(lines, headers, left=2),
+            "RMSE [deg] on each kind of condition (and how many there are):",
+            aligned_table(of_kinds, ["method", *(f"{kind} ({count})" for kind, count in counts.items())]),
+        ]
+    )
 
 
 def scores_csv(scores: Sequence[Score]) -> str:

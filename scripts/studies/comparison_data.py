@@ -1,0 +1,147 @@
+"""Files of docs/data from a folder of `evaluate --suite full` or `sealed`."""
+
+import csv
+import datetime
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin.errors import InputError
+from twin.evaluation.paper import noise_label
+from twin.evaluation.ranking import competes
+from twin.files.atomic import write_whole
+from twin.files.origin import stated_origin
+
+LIMIT, REFERENCE = "Ensemble (limit)", "RAM (twins)"
+_ITS_PARTS = "RAM (twins), "  # how the names of rows without a part of it begin
+SAMPLE_TIME = 0.1  # of the published tables [s]
+_SHORT = {"nominal": "the preset"}
+
+Score = Mapping[str, str]
+
+
+def write_comparison(results: Path, data: Path, commit: str) -> None:
+    """Write scores.csv, costs.csv and the tables of the comparison into `data`; `commit` made the run.
+
+    Of the sealed suite, write sealed.csv, with the test set and how many were tried.
+    """
+    evaluation = json.loads((results / "evaluation.json").read_text())
+    origin = stated_origin(evaluation)
+    if origin is None:
+        raise InputError(f"{results}/evaluation.json states no origin")
+    time = (results / "evaluation.json").stat().st_mtime
+    stated = {
+        "commit": commit,
+        "command": origin.command,
+        "date": datetime.date.fromtimestamp(time).isoformat(),
+        "versions": " ".join(f"{name} {version}" for name, version in origin.versions.items()),
+    }
+    sealed = results / "sealed.csv"
+    if sealed.is_file():
+        of_set = {name: evaluation["protocol"][name] for name in ("test_set", "test_sets_in_this_folder")}
+        write_whole(data / "sealed.csv", _head(stated | of_set) + sealed.read_text())
+        return
+    head = _head(stated)
+    given = {row["method"]: ", ".join(row["given"]) for row in evaluation["rows"]}
+    for name in ("scores", "costs"):
+        write_whole(data / f"{name}.csv", head + (results / f"{name}.csv").read_text())
+    table = (results / "scores.csv").read_text()
+    scores = [row for row in csv.DictReader(table.splitlines()) if float(row["sample_time_s"]) == SAMPLE_TIME]
+    write_whole(data / "rivals.csv", head + rivals(scores, given))
+    write_whole(data / "rmse_groups.csv", head + groups(scores))
+    write_whole(data / "better_cells.csv", head + better_cells(scores))
+
+
+def _head(stated: Mapping[str, Any]) -> str:
+    return "".join(f"# {name}: {value}\n" for name, value in stated.items())
+
+
+def rivals(scores: Sequence[Score], given: Mapping[str, str]) -> str:
+    """Return geometric means of the RMSE by kind of twin, what each method knows, and its coverage."""
+    kinds = list(dict.fromkeys(score["twin"] for score in scores))
+    of = _by_method(scores)
+    if LIMIT not in of or REFERENCE not in of:
+        raise InputError(f"scores.csv must have the methods {LIMIT} and {REFERENCE} at T = {SAMPLE_TIME} s")
+    limit = _mean(of[LIMIT])
+    lines = []
+    for method in _ranked(of):
+        mine = of[method]
+        covered = [float(score["coverage95"]) for score in mine if score["coverage95"]]
+        lines.append(
+            {"method": method, "knows": given.get(method, "")}
+            | {_SHORT.get(kind, kind): _text(_mean([s for s in mine if s["twin"] == kind])) for kind in kinds}
+            | {"all": _text(_mean(mine)), "times the limit": _text(_mean(mine) / limit)}
+            | {"coverage [%]": _text(100 * float(np.mean(covered))) if covered else ""}
+            | {"draws": mine[0]["seeds"], "trainings": mine[0]["trainings"]}
+        )
+    return _csv(lines)
+
+
+def groups(scores: Sequence[Score]) -> str:
+    """Return geometric means of the RMSE over the noises, by group of records."""
+    of = _by_method(scores)
+    names = list(dict.fromkeys(map(_group, scores)))
+    return _csv(
+        {"method": method}
+        | {name: _text(_mean([score for score in of[method] if _group(score) == name])) for name in names}
+        for method in _ranked(of)
+    )
+
+
+def better_cells(scores: Sequence[Score]) -> str:
+    """Return every noise and group in which another deployable method has less error than RAM (twins)."""
+    cells: dict[str, list[Score]] = {}
+    for score in scores:
+        method = score["method"]
+        if competes(method, score["oracle"] == "true") and not method.startswith(_ITS_PARTS):
+            cells.setdefault(f"{_noise(score)}, {_group(score)}", []).append(score)
+    lines = []
+    for name, of in cells.items():
+        best = min(of, key=lambda score: float(score["rmse_deg"]))
+        ours = next(score for score in of if score["method"] == REFERENCE)
+        if float(best["rmse_deg"]) < float(ours["rmse_deg"]):
+            lines.append(
+                {"noise and group": name, "best method": best["method"], "its RMSE": best["rmse_deg"]}
+                | {REFERENCE: ours["rmse_deg"]}
+            )
+    return _csv(lines)
+
+
+def _by_method(scores: Sequence[Score]) -> dict[str, list[Score]]:
+    found: dict[str, list[Score]] = {}
+    for score in scores:
+        found.setdefault(score["method"], []).append(score)
+    return found
+
+
+def _ranked(of: Mapping[str, Sequence[Score]]) -> list[str]:
+    return sorted(of, key=lambda method: _mean(of[method]))
+
+
+def _group(score: Score) -> str:
+    kind = _SHORT.get(score["twin"], score["twin"])
+    return f"{kind} [{score['stroke_low_mm']}; {score['stroke_high_mm']}] mm"
+
+
+def _noise(score: Score) -> str:
+    return noise_label(score["noise"], float(score["level"]))
+
+
+def _mean(scores: Sequence[Score]) -> float:
+    return float(np.exp(np.mean([np.log(float(score["rmse_deg"])) for score in scores])))
+
+
+def _text(value: float) -> str:
+    return f"{value:.4g}"
+
+
+def _csv(rows: Iterable[Mapping[str, str]]) -> str:
+    text, rows = io.StringIO(), list(rows)
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
