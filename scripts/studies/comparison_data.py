@@ -42,8 +42,9 @@ def write_comparison(results: Path, data: Path, commit: str) -> None:
     }
     sealed = results / "sealed.csv"
     if sealed.is_file():
-        of_set = {name: evaluation["protocol"][name] for name in ("test_set", "test_sets_in_this_folder")}
-        write_whole(data / "sealed.csv", _head(stated | of_set) + sealed.read_text())
+        of = evaluation["protocol"]
+        stated["command"] += f"  (test set {of['test_set']}; {of['test_sets_in_this_folder']} tried)"
+        write_whole(data / "sealed.csv", _head(stated) + sealed.read_text())
         return
     head = _head(stated)
     given = {row["method"]: ", ".join(row["given"]) for row in evaluation["rows"]}
