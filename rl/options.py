@@ -7,6 +7,7 @@ from twin.estimation.registry import find_training, proposed_method
 
 EPISODES = 2000  # the paper's number of episodes
 ALGORITHMS = ("ppo", "sac", "td3")  # of stable-baselines3 that need no agent file
+PAPER_SAMPLE_TIME = 0.1  # T that `horizon` and `minibatch` refer to [s]
 TRAINING_STROKE_MM = (2.0, 4.0)  # the paper's stroke in training
 
 
@@ -22,9 +23,9 @@ class TrainingOptions:
     # episodes of PPO in all; a network takes as large a share of its own steps as this is of the default
     episodes: int = EPISODES
     learning_rate: float = 2.5e-4  # of Adam; of PPO, in the first half of a training
-    horizon: int = 1024  # samples between two updates, over all environments
+    horizon: int = 1024  # samples between two updates, over all environments, at T = 0.1 s; see `at`
     discount: float = 0.99  # discount factor gamma
-    minibatch: int = 128  # samples in one gradient step
+    minibatch: int = 128  # samples in one gradient step, at T = 0.1 s
     clip: float = 0.2  # clip factor of PPO
     environments: int = 16  # episodes that run side by side
     # factor on eq. 11 in PPO. It moves no optimum; it keeps the loss of the value function, which shares a
@@ -60,6 +61,15 @@ class TrainingOptions:
                 f"horizon = {self.horizon}: must be a multiple of environments = {self.environments} "
                 f"and of minibatch = {self.minibatch}"
             )
+
+    def at(self, sample_time: float) -> "TrainingOptions":
+        """Return the options of PPO at T [s]: an update spans as much time as at T = 0.1 s.
+
+        The noise of neighbouring samples averages out over a time: with as many samples at 50 Hz, an update
+        would see a fifth of it.
+        """
+        times = max(round(PAPER_SAMPLE_TIME / sample_time), 1)
+        return dataclasses.replace(self, horizon=times * self.horizon, minibatch=times * self.minibatch)
 
 
 LIMITS: dict[str, tuple[int, int] | tuple[float, float]] = {

@@ -68,9 +68,6 @@ class Trainer:
     train: Train | None = None
     on_twins: TrainOnTwins | None = None  # the same on twins of a preset, which it simulates
     unit: str = "steps"  # of progress, in the plural
-    # an episode is a complete record, as in PPO: at a shorter sample time, fewer episodes contain as many
-    # samples
-    counts_samples: bool = False
     # values of settings on twins that a search tries, each with each
     searched: Mapping[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)
 

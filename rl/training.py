@@ -83,6 +83,8 @@ def train_policy(
     del configuration["training"]["held_out"]  # no result depends on it
     if own:
         configuration["agent_file"] = {"name": own.path.name, "sha256": own.sha256}
+    elif training.algorithm == "ppo":
+        training = training.at(active_model.sample_time)
     policy_path, checkpoint = folder / POLICY_FILE, folder / CHECKPOINT_FILE
     with open_run(folder, configuration, (POLICY_FILE, CHECKPOINT_FILE), GROWS) as shorter:
         if shorter or not policy_path.is_file():
@@ -344,4 +346,4 @@ class _Run(BaseCallback):
 
 
 for _method in (RAM, DIRECT):
-    register_trainer(Trainer(_method, train_policy, unit="samples", counts_samples=True))
+    register_trainer(Trainer(_method, train_policy, unit="samples"))

@@ -50,7 +50,6 @@ NewProgress = Callable[[str, str], OnProgress]
 """Starts the progress display of a named stage, counted in a unit."""
 
 SAMPLE_TIMES = (0.1, 0.02)
-PAPER_SAMPLE_TIME = 0.1  # T that the number of episodes refers to [s]
 RECORDS = {"full": ("records", scenarios), "untrained": ("records_untrained", untrained_scenarios)}
 """Folder of the records of each suite, and their drives."""
 
@@ -207,9 +206,9 @@ def _to_train(suite: Suite) -> list[str]:
 def train_missing(
     suite: Suite, known: Sequence[Knowledge], executor: Executor, progress: NewProgress
 ) -> None:
-    """Train every learned method that is not given, at every sample time, on as many samples at each."""
-    # PPO takes longest, so it starts first: otherwise the other workers would idle at the end.
-    agents = sorted(_to_train(suite), key=lambda agent: not find_trainer(agent).counts_samples)
+    """Train every learned method that is not given, at every sample time, on as many episodes at each."""
+    # PPO, which counts samples, takes longest and starts first: otherwise other workers would idle at the end.
+    agents = sorted(_to_train(suite), key=lambda agent: find_trainer(agent).unit != "samples")
     jobs = [
         executor.submit(
             train_one,
@@ -229,9 +228,7 @@ def train_missing(
 def train_one(agent: str, knowledge: Knowledge, episodes: int, seed: int) -> None:
     """Train one method under the strict protocol, in a worker; a finished one is left as it is."""
     trainer = find_trainer(agent)
-    share = knowledge.sample_time / PAPER_SAMPLE_TIME if trainer.counts_samples else 1.0  # as many samples
-    count = max(round(episodes * share), 1)
-    options = TrainingOptions(agent=agent, episodes=count, seed=seed)
+    options = TrainingOptions(agent=agent, episodes=episodes, seed=seed)
     trainer.run(material_of(knowledge), options, knowledge.file_of(agent).parent)
 
 

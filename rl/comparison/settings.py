@@ -70,7 +70,7 @@ class Settings:
     initial_error_deg: float = 20.0
     """Error of the initial estimate [deg]."""
     episodes: int = TrainingOptions.episodes
-    """Episodes of PPO for a policy that is not given (full suite: at T = 0.1; as many samples at other T)."""
+    """Episodes of PPO for a policy that is not given."""
     preset: str = "ureteroscope"
     """Endoscope of records and ensembles, and the ranges that they are drawn from."""
     trainings: int = 1

@@ -66,6 +66,17 @@ def test_same_seed_gives_the_same_bytes_and_leaves_nothing_elsewhere(
     assert not [path for path in Path(tempfile.gettempdir()).iterdir() if path.name.startswith("SB3")]
 
 
+def test_an_update_spans_as_much_time_at_any_sample_time(records, model, tmp_path):
+    """At 50 Hz an update has five times the samples, and as many episodes in it."""
+    options = dataclasses.replace(SHORT, episodes=8, horizon=128, minibatch=32)
+    train_policy(records, ActiveModel(model, 0.02), options, tmp_path)
+    with (tmp_path / "progress.csv").open() as file:
+        *_, last = csv.DictReader(file)
+    samples = 8 * (len(records[0][0]) - 1)
+    assert int(last["samples"]) == -(-samples // 640) * 640
+    assert options.at(0.1) == options
+
+
 @pytest.mark.slow
 def test_other_records_are_met_and_change_nothing(records, active_model, run_folder, tmp_path, monkeypatch):
     other = [(pull, bend + 1) for pull, bend in records]
