@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from twin.control.conditions import CONDITIONS
-from twin.control.results import MEASURES, ControlResult, comparisons, control_table, measures_of
+from twin.control.results import (
+    MEASURES,
+    ControlResult,
+    comparisons,
+    control_table,
+    measures_of,
+    with_percentages,
+)
 from twin.control.trial import ControlTrial
 
 STROKES = ((-1.0, 1.0), (2.0, 4.0))
@@ -32,6 +39,7 @@ def test_a_row_for_each_signal_and_stroke_is_of_its_own_trials():
     assert rows[4]["rmse_deg"] == pytest.approx(values[1, :, 1].mean())
     assert rows[4]["worst_twin_rmse_deg"] == values[1, :, 1].max()
     assert rows[4]["estimate_rmse_deg"] is None  # nothing was estimated
+    assert rows[4]["holding_reversals_per_s"] is None  # the reference was never held
 
 
 def test_a_reduction_is_paired_by_twin_and_as_unsure_as_few_twins_make_it():
@@ -54,6 +62,22 @@ def test_an_oracle_is_no_rival():
     given = [result(name, errors(0, 1.0)) for name in ("ours", "theirs", "oracle")]
     assert [of["rival"] for of in comparisons(given, "ours")] == ["theirs"]
     assert [of.total()["oracle"] for of in given] == [False, False, True]
+
+
+def test_errors_are_a_percentage_of_the_uncompensated_one_of_the_same_trials():
+    given = [result("linear", errors(0, 8.0)), result("pid", errors(1, 1.0))]
+    totals = with_percentages([of.total() for of in given])
+    assert totals[0]["percent_of_uncompensated"] == 100.0
+    assert totals[1]["percent_of_uncompensated"] == pytest.approx(100 * given[1].rmse_deg / given[0].rmse_deg)
+    rows = with_percentages([row for of in given for row in of.rows()])
+    mean = [of.measures["rmse_deg"].mean(axis=1) for of in given]
+    expected = 100 * mean[1] / mean[0]
+    np.testing.assert_allclose([row["percent_of_uncompensated"] for row in rows[6:]], expected.ravel())
+
+
+def test_without_the_uncompensated_one_there_is_no_percentage():
+    alone = with_percentages([result("pid", errors(1, 1.0)).total()])
+    assert alone[0]["percent_of_uncompensated"] is None
 
 
 def test_measures_leave_the_hold_at_the_start_out():

@@ -10,7 +10,7 @@ from controlled import LIMITS, PRESET, T, assert_within, knowledge
 
 from twin.control import controller as registry
 from twin.control.conditions import reference
-from twin.control.controller import Controller, ControllerSpec, controller_specs
+from twin.control.controller import Controller, ControllerSpec, controller_specs, find_controllers
 from twin.control.trial import HOLD_S, ControlCase, ControlTrial, Plant, run_trial
 from twin.signals.sensor import measure
 from twin.simulation import PHYSICS, simulate
@@ -79,6 +79,39 @@ def test_a_reference_that_is_known_ahead_is_given_so_far_and_no_further(witnesse
         np.testing.assert_array_equal(sensed.reference_preview_deg, given.reference_deg[k + 1 : k + 6])
 
 
+def following(name, lead_s, preview_s=1.0) -> ControlTrial:
+    """A controller along a sine that it follows some time ahead."""
+    settings = {name: {"lead_s": lead_s} if lead_s else {}}
+    known = knowledge(preview_s=preview_s, sample_time=0.02, settings=settings)
+    wanted = reference("fast-sine", (-40.0, 40.0), 8.0, 0.02, np.random.default_rng(1))
+    plant = PRESET.replace(sheath_friction_floor=2.1, sheath_friction_growth=2.7)  # the nominal one lags less
+    return run_trial(name, known, ControlCase(plant, wanted, np.zeros(len(wanted)), physics="reduced"))
+
+
+def test_a_lead_is_that_many_samples_of_the_reference_and_ends_with_it(witnesses):
+    given = drive()
+    run_trial("witness", knowledge(preview_s=0.5, settings={"witness": {"lead_s": 0.3}}), given)
+    seen = witnesses[0].seen
+    last = len(seen) - 1
+    for k, sensed in enumerate(seen[:-1]):
+        assert sensed.reference_deg == given.reference_deg[min(k + 3, last)]
+        assert sensed.next_deg == given.reference_deg[min(k + 4, last)]
+
+
+@pytest.mark.parametrize("name", ["linear", "model-inverse", "twin-inverse", "active-model-pi", "pid"])
+def test_a_lead_helps_every_lagging_loop_on_a_sine(name):
+    assert following(name, 0.2).rmse_deg < 0.95 * following(name, 0.0).rmse_deg
+
+
+@pytest.mark.parametrize("name", ["linear", "pid"])
+def test_without_preview_a_lead_changes_nothing(name):
+    first, again = following(name, 0.4, preview_s=0.0), following(name, 0.0, preview_s=0.0)
+    np.testing.assert_array_equal(first.pull_mm, again.pull_mm)
+    (spec,) = find_controllers([name])
+    assert spec.searched(0.0) == spec.settings
+    assert spec.searched(0.7)["lead_s"] == (0.0, 0.0, 0.7)
+
+
 @pytest.mark.parametrize("physics", PHYSICS)
 def test_its_angle_is_that_of_a_simulation_along_its_commands(witnesses, physics):
     sheath = PRESET.sheath_bend + 0.5 * np.linspace(0, 1, HELD + 20)
@@ -127,6 +160,21 @@ def test_scores_are_of_what_comes_behind_the_hold():
     np.testing.assert_array_equal(trial.error_deg, [3.0, -4.0, 0.0, 0.0])
     assert trial.rmse_deg == pytest.approx(2.5)
     assert trial.travel_mm == pytest.approx(3.5)
+
+
+def test_reversals_are_counted_while_the_reference_is_held_and_above_a_resolution():
+    sample_time, held = 0.1, 40
+    wanted = np.concatenate([np.zeros(30), np.arange(20.0), np.full(held, 20.0)])
+    zigzag = np.where(np.arange(len(wanted)) // 2 % 2, 1.0, 0.0)  # turns at every second sample
+    counted = held - 1 - 4  # samples of the hold from its first half second on
+
+    def per_second(pull):
+        return trial_of(wanted, wanted, pull, sample_time).holding_reversals_per_s
+
+    assert per_second(0.02 * zigzag) == pytest.approx(5.0, abs=1 / (counted * sample_time))
+    assert per_second(0.009 * zigzag) == 0.0
+    assert per_second(np.where(np.arange(len(wanted)) < 50, zigzag, 1.0)) == 0.0
+    assert math.isnan(trial_of(range(90), range(90), zigzag, sample_time).holding_reversals_per_s)
 
 
 N = 25

@@ -8,12 +8,8 @@ import pytest
 
 from twin.control import comparison as tuning
 from twin.control.comparison import tune
-from twin.control.controller import ControllerSpec, Setting
+from twin.control.controller import Setting
 from twin.errors import DivergedError
-
-
-def spec(**settings):
-    return ControllerSpec("toy", 0, "nothing", lambda *_: None, settings)
 
 
 @pytest.fixture
@@ -37,7 +33,7 @@ RATE, GAIN = Setting(1.0, 0.1, 40.0), Setting(0.2, 0.001, 1.0)
 
 
 def test_as_many_are_tried_as_is_said_on_all_cases_and_within_the_range(tried):
-    found = tune(spec(rate=RATE, gain=GAIN), [(KNOWLEDGE, 1.0), (KNOWLEDGE, 2.0)], 16, 3)
+    found = tune("toy", {"rate": RATE, "gain": GAIN}, [(KNOWLEDGE, 1.0), (KNOWLEDGE, 2.0)], 16, 3)
     assert (found.tried, len(tried)) == (16, 32)
     assert tried[0] == pytest.approx({"rate": 1.0, "gain": 0.2})  # the default is the first
     rates, gains = (np.array([of[name] for of in tried]) for name in ("rate", "gain"))
@@ -45,8 +41,16 @@ def test_as_many_are_tried_as_is_said_on_all_cases_and_within_the_range(tried):
     assert GAIN.low * (1 - 1e-9) <= gains.min() < gains.max() <= GAIN.high * (1 + 1e-9)
 
 
+def test_a_setting_that_may_be_zero_is_tried_evenly_from_zero_on(tried):
+    tune("toy", {"rate": RATE, "lead_s": Setting(0.0, 0.0, 2.0)}, [(KNOWLEDGE, 1.0)], 40, 3)
+    leads = np.array([of["lead_s"] for of in tried])
+    assert leads[0] == leads.min() == 0.0
+    assert leads.max() <= 2.0
+    assert np.median(leads[:30]) == pytest.approx(1.0, abs=0.15)
+
+
 def test_the_error_is_the_geometric_mean_over_cases(tried):
-    found = tune(spec(rate=RATE), [(KNOWLEDGE, 3.0), (KNOWLEDGE, 4.0)], 1, 0)
+    found = tune("toy", {"rate": RATE}, [(KNOWLEDGE, 3.0), (KNOWLEDGE, 4.0)], 1, 0)
     alone = 0.1 + math.log(2) ** 2
     assert found.rmse_deg == pytest.approx(alone * math.sqrt(3 * 4))
 
@@ -63,7 +67,7 @@ def test_of_those_that_are_about_as_good_and_do_not_diverge_the_least_travel_is_
 
     monkeypatch.setattr(tuning, "run_trial", run_trial)
     monkeypatch.setattr(tuning.dataclasses, "replace", lambda _, settings: SimpleNamespace(settings=settings))
-    found = tune(spec(rate=RATE), [(KNOWLEDGE, 1.0)], 64, 0)
+    found = tune("toy", {"rate": RATE}, [(KNOWLEDGE, 1.0)], 64, 0)
     least = max(2.0, diverges_below)
     assert least < found.settings["rate"] < least + 1
     assert found.rmse_deg == 1.04

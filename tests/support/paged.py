@@ -167,6 +167,7 @@ def control_total(controller: str, rmse: float, condition: str = "R = 1", **othe
     """Errors of a controller under a condition, as `control.json` holds them."""
     errors = {"rmse_deg": rmse, "worst_twin_rmse_deg": 2 * rmse, "late_rmse_deg": 3 * rmse}
     errors |= {"late_worst_deg": 4 * rmse, "travel_mm": 11.0, "fallback_share": 0.0}
+    errors |= {"percent_of_uncompensated": 100 * rmse, "holding_reversals_per_s": None}
     return {"controller": controller, "oracle": False, "condition": condition} | errors | others
 
 

@@ -13,7 +13,7 @@ from scipy.stats import gmean, qmc
 
 from twin import __version__
 from twin.control.conditions import ControlCondition, ControlSettings
-from twin.control.controller import TRAINED, ControlKnowledge, ControllerSpec, find_controllers
+from twin.control.controller import TRAINED, ControlKnowledge, ControllerSpec, Setting, find_controllers
 from twin.control.results import MEASURES, Comparison, ControlResult, measures_of
 from twin.control.trial import ControlCase, ControlTrial, run_trial
 from twin.errors import DivergedError, InputError
@@ -36,23 +36,32 @@ class Tuned(NamedTuple):
 
 
 def tune(
-    spec: ControllerSpec, cases: Sequence[tuple[ControlKnowledge, ControlCase]], candidates: int, seed: int
+    name: str,
+    settings: Mapping[str, Setting],
+    cases: Sequence[tuple[ControlKnowledge, ControlCase]],
+    candidates: int,
+    seed: int,
 ) -> Tuned:
-    """Search the settings of a controller."""
-    names = list(spec.settings)
-    if not names:
-        return Tuned({}, _trials(spec, {}, cases)[0], 1)
-    default, low, high = np.log(np.array([*spec.settings.values()])).T
+    """Search the settings of the controller of a name."""
+    if not settings:
+        return Tuned({}, _trials(name, {}, cases)[0], 1)
+    values = np.array([*settings.values()]).T
+    logarithmic = values[1] > 0
+    default, low, high = np.log(values, out=values.copy(), where=logarithmic)
+
+    def named(at: Array) -> dict[str, float]:
+        return dict(zip(settings, np.exp(at, out=at.copy(), where=logarithmic).tolist(), strict=True))
+
     early = max(candidates - math.ceil(AROUND_THE_BEST * candidates), 1)
-    tried = [default, *(low + point * (high - low) for point in _points(len(names), early - 1, seed))]
-    found = [_trials(spec, _named(names, values), cases) for values in tried]
+    tried = [default, *(low + point * (high - low) for point in _points(len(low), early - 1, seed))]
+    found = [_trials(name, named(at), cases) for at in tried]
     best = tried[_best(found)]
-    for point in _points(len(names), candidates - early, seed + 1):
+    for point in _points(len(low), candidates - early, seed + 1):
         about = np.clip(best + (2 * point - 1) * NARROWER * (high - low), low, high)
         tried.append(about)
-        found.append(_trials(spec, _named(names, about), cases))
+        found.append(_trials(name, named(about), cases))
     least = _best(found)
-    return Tuned(_named(names, tried[least]), found[least][0], len(tried))
+    return Tuned(named(tried[least]), found[least][0], len(tried))
 
 
 def _best(found: Sequence[tuple[float, float]]) -> int:
@@ -68,19 +77,15 @@ def _points(dimensions: int, count: int, seed: int) -> Array:
     return points
 
 
-def _named(names: Sequence[str], logarithms: Array) -> dict[str, float]:
-    return dict(zip(names, np.exp(logarithms).tolist(), strict=True))
-
-
 def _trials(
-    spec: ControllerSpec, settings: Mapping[str, float], cases: Sequence[tuple[ControlKnowledge, ControlCase]]
+    name: str, settings: Mapping[str, float], cases: Sequence[tuple[ControlKnowledge, ControlCase]]
 ) -> tuple[float, float]:
     """Return the geometric mean of the errors [deg] and the travel [mm] of all trials of a setting."""
     errors, travel = [], 0.0
     for knowledge, case in cases:
-        trial_knowledge = dataclasses.replace(knowledge, settings={**knowledge.settings, spec.name: settings})
+        trial_knowledge = dataclasses.replace(knowledge, settings={**knowledge.settings, name: settings})
         try:
-            trial = run_trial(spec.name, trial_knowledge, case)
+            trial = run_trial(name, trial_knowledge, case)
         except DivergedError:
             return math.inf, math.inf
         errors.append(trial.rmse_deg)
@@ -127,7 +132,8 @@ def compare(
                 jobs[sensor, spec.name] = (name, sensor, tuned[sensor])
         for (sensor, name), arrays in parts.run(_search, jobs).items():
             (spec,) = find_controllers([name])
-            found = dict(zip(spec.settings, arrays["settings"].tolist(), strict=True))
+            names = spec.searched(settings.preview_s)
+            found = dict(zip(names, arrays["settings"].tolist(), strict=True))
             tuned[sensor] = tuned[sensor] | {name: found}
             searched.append(
                 {
@@ -217,7 +223,8 @@ def _search(
         for known in _knowledge(settings, sensor, deployments)
         for case in settings.tuning_cases(known)
     ]
-    tuned = tune(spec, cases, settings.candidates, settings.seed)
+    searched = spec.searched(settings.preview_s)
+    tuned = tune(name, searched, cases, settings.candidates, settings.seed)
     values = np.array(list(tuned.settings.values()))
     return {"settings": values, "rmse_deg": np.array([tuned.rmse_deg]), "tried": np.array([tuned.tried])}
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.control.anticipation import Anticipation, Array
-from twin.control.controller import NO_PREVIEW, CommandLimits, Line, Setting, fit_line, tuned
+from twin.control.controller import LEAD, NO_PREVIEW, CommandLimits, Line, Sensed, Setting, fit_line, tuned
 from twin.control.controllers.feedback import PI_SETTINGS, LinearFeedback
 from twin.errors import InputError
 from twin.estimation.deployment import deployment_of
@@ -60,6 +60,7 @@ class Compensator:
         self._share = -math.expm1(-settings["rate_per_s"] * runtime.sample_time)
         self._turning_share = settings["turning_share"]
         self._feedback = LinearFeedback(limits, runtime.sample_time, line, gains)
+        self._lead = round(gains.get(LEAD, 0.0) / runtime.sample_time)
         self._anticipation = Anticipation(limits, runtime.sample_time)
         self._direction = 0.0  # of the latest command
         self.falls_back = False  # whether PI on the fallback's estimate is in charge
@@ -102,9 +103,10 @@ class Compensator:
             return self._members.common_pull_mm(state.following, weights, now + moved, within)
         self.falls_back, self._direction = True, 0.0
         self._anticipation.forget()
+        sensed = Sensed(math.nan, math.nan, reference_deg, next_deg, reference_preview_deg).ahead(self._lead)
         if not went_on:
-            self._feedback.begin(pull_mm, reference_deg, reading.bend_deg)
-        return self._feedback.wanted_mm(pull_mm, reading.bend_deg, reference_deg, next_deg)
+            self._feedback.begin(pull_mm, sensed.reference_deg, reading.bend_deg)
+        return self._feedback.wanted_mm(pull_mm, reading.bend_deg, sensed.reference_deg, sensed.next_deg)
 
 
 _IGNORED = Health.NO_TIME | Health.LATE | Health.CLOCK_JUMP

@@ -140,6 +140,8 @@ class ControlKnowledge:
 
 
 NO_PREVIEW = np.empty(0)  # preview of a reference that arrives sample by sample
+UNCOMPENSATED = "linear"  # name of the controller that errors are stated as a percentage of
+LEAD = "lead_s"  # name of the setting: how long before its time a controller follows its reference [s]
 
 
 class Sensed(NamedTuple):
@@ -151,6 +153,14 @@ class Sensed(NamedTuple):
     next_deg: float  # wanted angle at the next sample
     reference_preview_deg: Array = NO_PREVIEW  # (H,) wanted angles from the next sample on, as far as known
 
+    def ahead(self, samples: int) -> Self:
+        """Return it with the wanted angles of a later time, as far as they are known."""
+        preview = self.reference_preview_deg
+        if not samples or not len(preview):
+            return self
+        now, following = preview[np.minimum([samples - 1, samples], len(preview) - 1)]
+        return self._replace(reference_deg=float(now), next_deg=float(following))
+
 
 class Controller(abc.ABC):
     """A controller of one endoscope, for one run.
@@ -160,6 +170,7 @@ class Controller(abc.ABC):
 
     def __init__(self, limits: CommandLimits, sample_time: float) -> None:
         self.limits, self.sample_time = limits, sample_time
+        self.lead = 0  # samples by which it follows its reference early, where that is known
         self.pull_mm = self.estimate_deg = math.nan  # latest command, and estimate if it uses one
         self.falls_back = False  # whether a simpler law is in charge, as the better one is not trusted now
         self.holds = False  # whether the command is held, as no measurement comes
@@ -174,7 +185,8 @@ class Controller(abc.ABC):
 
     def step(self, sensed: Sensed) -> float:
         """Take in a sample and return the pull to command at the next one [mm]."""
-        self.pull_mm = self.limits.within(self._wanted_mm(sensed), self.pull_mm, self.sample_time)
+        wanted = self._wanted_mm(sensed.ahead(self.lead))
+        self.pull_mm = self.limits.within(wanted, self.pull_mm, self.sample_time)
         self._commanded()
         return self.pull_mm
 
@@ -194,7 +206,7 @@ TRAINED = {"policy": RAM_TWINS.name, "tracking_policy": "PPO on EndoTwin/Trackin
 
 
 class Setting(NamedTuple):
-    """A number that is tuned on a logarithmic scale: its default, and the range of the search."""
+    """A number that is tuned: its default, and the range of the search, logarithmic if its low is not 0."""
 
     default: float
     low: float
@@ -215,6 +227,7 @@ class ControllerSpec:
     needs: str = ""  # trained file that it runs on, by its name in `TRAINED`; empty if it runs on none
     # reads the one sample time that its trained file is for [s]; None if it is for any
     sample_time_of: Callable[[Path], float] | None = None
+    leads: bool = True  # whether `LEAD` is tuned for it; False where it uses a preview by itself, or none
     falls_back_on: str = ""  # name of the controller whose settings it takes for its fallback, if it has one
     ours: bool = False  # whether it is this project's own, with which the others are compared
     oracle: bool = False  # whether it knows the endoscope itself: a limit, not a rival
@@ -223,7 +236,16 @@ class ControllerSpec:
 
     def make(self, knowledge: ControlKnowledge) -> Controller:
         """Return a new controller, with what was tuned for it."""
-        return self.build(knowledge, tuned(self.settings, knowledge.settings.get(self.name, {})))
+        settings = tuned(self.settings, knowledge.settings.get(self.name, {}))
+        lead_s = settings.pop(LEAD, 0.0)
+        controller = self.build(knowledge, settings)
+        controller.lead = round(lead_s / knowledge.sample_time)
+        return controller
+
+    def searched(self, preview_s: float) -> dict[str, Setting]:
+        """Return the settings that are tuned, where the reference is known ahead for a time [s]."""
+        lead = {LEAD: Setting(0.0, 0.0, preview_s)} if self.leads and preview_s > 0 else {}
+        return dict(self.settings) | lead
 
 
 def tuned(settings: Mapping[str, Setting], found: Mapping[str, float]) -> dict[str, float]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from twin import __version__
 from twin.control.conditions import ControlCondition, ControlSettings
-from twin.control.controller import is_oracle
+from twin.control.controller import UNCOMPENSATED, is_oracle
 from twin.control.trial import ControlTrial
 from twin.evaluation.metrics import confidence_interval
 from twin.files.atomic import MADE_BY, write_whole
@@ -27,6 +27,7 @@ MEASURES = (
     "travel_mm",
     "estimate_rmse_deg",
     "fallback_share",
+    "holding_reversals_per_s",
 )
 
 
@@ -70,6 +71,7 @@ class ControlResult:
             "late_worst_deg": float(measures["late_worst_deg"].max()),
             "travel_mm": float(measures["travel_mm"].mean()),
             "fallback_share": float(measures["fallback_share"].mean()),
+            "holding_reversals_per_s": _mean(measures["holding_reversals_per_s"]),
         }
 
     def rows(self) -> list[dict[str, Any]]:
@@ -79,7 +81,6 @@ class ControlResult:
             for k, signal in enumerate(condition.signals):
                 mine = {name: values[s, :, k] for name, values in self.measures.items()}
                 mean = {name: float(values.mean()) for name, values in mine.items()}
-                estimate = mean["estimate_rmse_deg"]
                 rows.append(
                     {
                         "controller": self.controller,
@@ -97,8 +98,9 @@ class ControlResult:
                         "late_rmse_deg": mean["late_rmse_deg"],
                         "late_worst_deg": float(mine["late_worst_deg"].max()),
                         "travel_mm": mean["travel_mm"],
-                        "estimate_rmse_deg": estimate if estimate >= 0 else None,
+                        "estimate_rmse_deg": _mean(mine["estimate_rmse_deg"]),
                         "fallback_share": mean["fallback_share"],
+                        "holding_reversals_per_s": _mean(mine["holding_reversals_per_s"]),
                     }
                 )
         return rows
@@ -114,18 +116,25 @@ class Comparison:
 
 
 def measures_of(trial: ControlTrial) -> tuple[float, ...]:
-    """Return the measures of a trial, in the order of `MEASURES`; -1 where nothing was estimated."""
+    """Return the measures of a trial, in the order of `MEASURES`; -1 where there is none."""
     off = (trial.estimate_deg - trial.truth_deg)[trial.scored]
-    estimate = float(np.sqrt(np.mean(off**2)))
-    return (
+    measures = (
         trial.rmse_deg,
         float(np.abs(trial.error_deg).max()),
         float(np.sqrt(np.mean(trial.late_error_deg**2))),
         float(np.abs(trial.late_error_deg).max()),
         trial.travel_mm,
-        estimate if np.isfinite(estimate) else -1.0,
+        float(np.sqrt(np.mean(off**2))),
         float(trial.fell_back[trial.scored].mean()),
+        trial.holding_reversals_per_s,
     )
+    return tuple(np.nan_to_num(measures, nan=-1.0).tolist())
+
+
+def _mean(values: Array) -> float | None:
+    """Return the mean of the values that there are, if any."""
+    known = values[values >= 0]
+    return float(known.mean()) if known.size else None
 
 
 def comparisons(results: Sequence[ControlResult], ours: str) -> list[dict[str, Any]]:
@@ -149,6 +158,20 @@ def comparisons(results: Sequence[ControlResult], ours: str) -> list[dict[str, A
                     "reduction_ci95": list(interval),
                 }
             )
+    return found
+
+
+def with_percentages(lines: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows or totals with their errors as a percentage of the uncompensated one, None without it."""
+
+    def place(of: Mapping[str, Any]) -> tuple[Any, ...]:
+        return of["condition"], of.get("signal"), *of.get("stroke_mm", ())
+
+    most = {place(of): max(of["rmse_deg"], 1e-9) for of in lines if of["controller"] == UNCOMPENSATED}
+    found = []
+    for of in lines:
+        percent = 100 * of["rmse_deg"] / most[place(of)] if place(of) in most else None
+        found.append(of | {"percent_of_uncompensated": percent})
     return found
 
 
@@ -176,8 +199,8 @@ def control_values(
     protocol |= {name: stated[name] for name in kept}
     return {
         "control": protocol,
-        "totals": [result.total() for result in results],
-        "rows": [row for result in results for row in result.rows()],
+        "totals": with_percentages([result.total() for result in results]),
+        "rows": with_percentages([row for result in results for row in result.rows()]),
         "comparisons": comparisons(results, ours) if ours else [],
         "tuned": comparison.tuned,
         "origin": dict(origin),
@@ -217,6 +240,11 @@ def write_record(folder: Path, trial: ControlTrial, settings: ControlSettings, c
 
 TABLE = "control.md"  # file of all tables
 
+MORE = {
+    "RMSE as a percentage of the uncompensated one": "percent_of_uncompensated",
+    "Reversals of the command per second while the reference is held": "holding_reversals_per_s",
+}
+"""Captions of tables of measures that a comparison may lack, and the measures."""
 CAPTION = "RMSE of tracking [deg] of all trials, in brackets that of the worst twin."
 
 Values = Mapping[str, Any]
@@ -249,6 +277,9 @@ def write_tables(folder: Path, values: Values) -> None:
         "Travel of the command, mean of a trial [mm].",
         _table("condition", _cells(totals, "{travel_mm:.1f}")),
     ]
+    for caption, name in MORE.items():
+        if known := [of for of in totals if of[name] is not None]:
+            parts += [f"{caption}.", _table("condition", _cells(known, f"{{{name}:.1f}}"))]
     if against:
         less = [of | {"percent": 100 * np.array([of["reduction"], *of["reduction_ci95"]])} for of in against]
         parts += [

@@ -1,6 +1,8 @@
 """A trial: one controller on one plant along one reference under one noise, sample by sample."""
 
 import dataclasses
+import itertools
+import math
 from typing import Any
 
 import numpy as np
@@ -92,6 +94,8 @@ class Plant:
 Array = NDArray[np.float64]
 HOLD_S = 3.0  # at the start, in which the reference stands still; it is not scored
 LATE_S = 20.0  # at the end, in which late errors are measured
+HELD_S = 0.5  # for which a reference is constant before it counts as held
+RESOLUTION_MM = 0.01  # travel that a motor resolves: 1 mrad of a pulley of 10 mm
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,6 +146,26 @@ class ControlTrial:
     def travel_mm(self) -> float:
         """Travel of the command in the scored samples [mm]: it wears the sheath."""
         return float(np.abs(np.diff(self.pull_mm[self.scored])).sum())
+
+    @property
+    def holding_reversals_per_s(self) -> float:
+        """Reversals of the command while the reference is held [1 / s]; NaN where it never is.
+
+        A travel back of less than `RESOLUTION_MM` is none: it is taken out by a play of that width.
+        """
+        count = max(round(HELD_S / self.sample_time), 1)
+        constant = np.diff(self.reference_deg[self.scored]) == 0
+        held = np.convolve(constant, np.ones(count))[: len(constant)] == count
+        if not held.any():
+            return math.nan
+        half = RESOLUTION_MM / 2
+        played = itertools.accumulate(
+            self.pull_mm[self.scored], lambda stands, pull: min(max(stands, pull - half), pull + half)
+        )
+        moves = np.diff(np.array([*played]))
+        moving = np.flatnonzero(moves)
+        turned = moving[1:][moves[moving[1:]] * moves[moving[:-1]] < 0]
+        return float(held[turned].sum() / (held.sum() * self.sample_time))
 
 
 def run_trial(controller: str, knowledge: ControlKnowledge, case: ControlCase) -> ControlTrial:

@@ -1,6 +1,7 @@
 """Page and figures of a comparison of controllers."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from twin.control.conditions import ControlCondition
 from twin.control.controller import find_controllers
-from twin.control.results import ControlResult
+from twin.control.results import MORE, ControlResult
 from twin.control.trial import HOLD_S, ControlTrial
 from twin.errors import InputError
 from twin.files.bounded import MEBIBYTE
@@ -118,7 +119,7 @@ def _errors(totals: Sequence[Total]) -> Sequence[Markup]:
     names = list(dict.fromkeys(of["controller"] for of in totals))
     cells = {(of["controller"], of["condition"]): of for of in totals}
 
-    def by_condition(title: str, note: str, show: Callable[[Total], html.Cell]) -> Markup:
+    def by_condition(title: str, note: str, show: Callable[[Total], html.Cell | str]) -> Markup:
         rows = []
         for name in names:
             row = [cells.get((name, condition)) for condition in conditions]
@@ -146,7 +147,17 @@ def _errors(totals: Sequence[Total]) -> Sequence[Markup]:
             "Mean of a trial [mm]: it wears the sheath. Below it, the share of time under the fallback.",
             travel,
         ),
+        *(
+            by_condition(caption, "", partial(_number, name=name))
+            for caption, name in MORE.items()
+            if any(of.get(name) is not None for of in totals)
+        ),
     )
+
+
+def _number(of: Total, name: str) -> str:
+    value = of.get(name)
+    return "-" if value is None else f"{value:.1f}"
 
 
 def _facts(control: Mapping[str, Any]) -> html.Facts:

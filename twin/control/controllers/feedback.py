@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from twin.control.controller import (
+    UNCOMPENSATED,
     CommandLimits,
     ControlKnowledge,
     Controller,
@@ -113,7 +114,7 @@ class LinearMap(Controller):
 
 LINEAR = register_controller(
     ControllerSpec(
-        "linear", 0, "only the line of the nominal twin", LinearMap, style=Style("#9a9a9a", "dotted")
+        UNCOMPENSATED, 0, "only the line of the nominal twin", LinearMap, style=Style("#9a9a9a", "dotted")
     )
 )
 

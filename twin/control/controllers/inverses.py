@@ -135,6 +135,7 @@ MEMBERS_INVERSE = register_controller(
         MembersInverse,
         COMPENSATOR_SETTINGS,
         needs="policy",
+        leads=False,
         falls_back_on=ACTIVE_MODEL_PI.name,
         ours=True,
         style=Style("#a3195b", "solid", 1.6),

@@ -75,6 +75,7 @@ ORACLE = register_controller(
         "everything: the endoscope itself, without noise",
         Oracle,
         oracle=True,
+        leads=False,
         style=Style("#1c1f24", "dotted", 1.2),
     )
 )
