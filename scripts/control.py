@@ -27,7 +27,8 @@ class Control(Options):
 
     Each controller is tuned with the same number of trials on other twins than are scored, and runs on the
     same twins, references and noise. The same command continues a stopped comparison; with more controllers
-    or conditions, existing results are kept.
+    or conditions, existing results are kept. The conditions of the suite sealed have physics that no twin of
+    RAM (twins) has, drawn by a hash of the policies and --seed: a changed policy meets others.
 
     Examples:
         endotwin control --controller linear pid --out results/control
@@ -52,7 +53,7 @@ class Control(Options):
     """Names of controllers, of those in docs/control.md, such as linear pid; or all."""
     suite: str = "short"
     """short: Gaussian noise of 1 deg^2 at 50 Hz; full: also other noises, 10 Hz, a fast reference, a sheath
-    that bends, a contact at the tip, and endoscopes that no training saw."""
+    that bends, a contact at the tip, and endoscopes that no training saw; sealed: 12 that are drawn."""
     stroke: tuple[float, float] | None = None
     """Working stroke [mm]: references use the middle 65 % of its bend. [-1, 1] and [2, 4], if not given."""
     margin: float = 1.5
@@ -86,7 +87,7 @@ def control(args: Control) -> Summary:
     for extra in ("sim", "viz"):
         require_extra(extra, "endotwin control")
     from twin.control.comparison import compare, specs_of
-    from twin.control.conditions import ControlSettings, find_conditions
+    from twin.control.conditions import SEALED, ControlSettings, find_conditions
     from twin.control.results import (
         CAPTION,
         RECORD_SIGN,
@@ -99,13 +100,21 @@ def control(args: Control) -> Summary:
         write_tables,
         write_values,
     )
+    from twin.control.sealed import draw_conditions
+    from twin.evaluation.sealed import sealed_seed
     from twin.files.origin import origin_of
     from twin.files.run_folder import open_run
     from twin.preset import load_preset, load_ranges
     from twin.report.control_page import FIGURES, control_page
     from twin.workers.processes import choose_workers
 
-    conditions = find_conditions(args.suite)
+    trained = [path for path in (args.policy, args.tracking_policy) if path is not None]
+    test_set = ""
+    if args.suite == SEALED:
+        seed = sealed_seed(trained, args.seed)
+        test_set, conditions = f"{seed:016x}", draw_conditions(seed, args.seconds)
+    else:
+        conditions = find_conditions(args.suite)
     if args.physics == "reduced" and any(condition.tip_force for condition in conditions):
         complain("endotwin control: nothing touches the tip of a reduced twin: that condition is left out")
         conditions = tuple(condition for condition in conditions if not condition.tip_force)
@@ -131,19 +140,19 @@ def control(args: Control) -> Summary:
     ):
         comparison = compare(settings, conditions, names, out, executor, Progress("control", "part"))
         ours = next((spec.name for spec in specs if spec.ours), None)
-        trained = [path for path in (args.policy, args.tracking_policy) if path is not None]
         origin = origin_of(command_line("control", args), trained)
-        values = control_values(comparison, settings, ours, origin)
+        values = control_values(comparison, settings, ours, origin, test_set)
         for name, trial in comparison.shown.items():
-            write_record(out, trial, settings, name)
+            write_record(out, trial, settings, conditions[0], name)
         _draw(comparison, out, ours)
         write_tables(out, values)
         control_page(values, out).write(out / PAGE)
         path = write_values(out, values)
     line = f"{path}: {len(names)} controllers, {args.twins} twins, {len(conditions)} conditions"
+    line += f", test set {test_set}" if test_set else ""
     return Summary(
         line,
-        {"out": str(path), "controllers": names, "rows": len(values["rows"])},
+        {"out": str(path), "controllers": names, "rows": len(values["rows"]), "test_set": test_set or None},
         table=f"{CAPTION} Smaller is better.\n\n{control_table(values['totals'], 'plain')}\n",
     )
 

@@ -27,7 +27,9 @@ TIME = np.arange(N) * T - HOLD_S
 
 
 def test_the_sheath_bends_by_a_quarter_turn_in_its_time():
-    bend = ControlCondition("bends", sample_time=T, bends=True).sheath_bend(PRESET, N) - PRESET.sheath_bend
+    bend = (
+        ControlCondition("bends", sample_time=T, bends_by=BENT_BY).sheath_bend(PRESET, N) - PRESET.sheath_bend
+    )
     assert not bend[TIME < BENDING_AT_S].any()
     np.testing.assert_allclose(bend[TIME >= BENDING_AT_S + BENDING_S], BENT_BY)
     assert (np.diff(bend) >= 0).all()

@@ -4,7 +4,7 @@ import dataclasses
 import math
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from twin.preset.randomization import Ranges
 from twin.signals.excitation import command
 from twin.signals.noise import draw_noise, noise_variance
 from twin.signals.streams import SeedUse, random_stream
+
+if TYPE_CHECKING:
+    from twin.evaluation.sealed import SealedSensor
 
 Array = NDArray[np.float64]
 SHARE = 0.65  # of what the nominal endoscope reaches on a stroke
@@ -67,11 +70,13 @@ class ControlCondition:
     level: float = 1.0  # of it
     sample_time: float = 0.02  # T [s]
     signals: tuple[str, ...] = SLOW  # kinds of reference
-    bends: bool = False  # whether the sheath bends by a quarter turn on the way, unannounced
-    # that pushes the tip sideways from `TOUCHED_AT_S` on, unannounced; only in MuJoCo [N]
-    tip_force: float = 0.0
+    bends_by: float = 0.0  # angle by which the sheath bends on the way, unannounced [rad]
+    tip_force: float = 0.0  # that pushes the tip sideways from some time on, unannounced; only in MuJoCo [N]
+    begins_s: float | None = None  # when either begins [s]; `BENDING_AT_S` and `TOUCHED_AT_S` if None
     wider: float = 1.0  # factor on the ranges that endoscopes are drawn from
     changes: tuple[tuple[str, float], ...] = ()  # parameters that all endoscopes have, whatever was drawn
+    errors: "SealedSensor | None" = None  # a drawn sensor, whose kind and level are `noise` and `level`
+    seed: int | None = None  # of endoscopes, references and noise; that of the comparison if None
 
     @property
     def slug(self) -> str:
@@ -81,7 +86,7 @@ class ControlCondition:
     @property
     def variance(self) -> float:
         """R that controllers are given [deg^2]."""
-        return noise_variance(self.noise, self.level)
+        return self.errors.variance_deg2 if self.errors else noise_variance(self.noise, self.level)
 
     @property
     def sensor(self) -> tuple[float, float]:
@@ -97,18 +102,30 @@ class ControlCondition:
         """Return the force on the tip at each sample [N]; empty where nothing touches it."""
         if not self.tip_force:
             return np.empty(0)
-        touched = np.arange(samples) * self.sample_time >= HOLD_S + TOUCHED_AT_S
+        begins_s = TOUCHED_AT_S if self.begins_s is None else self.begins_s
+        touched = np.arange(samples) * self.sample_time >= HOLD_S + begins_s
         return np.where(touched, self.tip_force, 0.0)
 
     def sheath_bend(self, preset: Preset, samples: int) -> Array:
         """Return the bend of the sheath at each sample [rad]; empty where it stays."""
-        return bending_sheath(preset, samples, self.sample_time, BENDING_AT_S) if self.bends else np.empty(0)
+        if not self.bends_by:
+            return np.empty(0)
+        begins_s = BENDING_AT_S if self.begins_s is None else self.begins_s
+        return bending_sheath(preset, samples, self.sample_time, begins_s, self.bends_by)
+
+    def draw_noise(self, samples: int, rng: np.random.Generator) -> Array:
+        """Draw the errors of the sensor [deg]."""
+        if self.errors:
+            return self.errors.errors(np.zeros(samples), self.sample_time, rng)
+        return draw_noise(self.noise, self.level, (samples,), rng)
 
 
-def bending_sheath(preset: Preset, samples: int, sample_time: float, begins_s: float) -> Array:
-    """Return the bend of a sheath that bends by a quarter turn, from this long after the hold on [rad]."""
+def bending_sheath(
+    preset: Preset, samples: int, sample_time: float, begins_s: float, bends_by: float = BENT_BY
+) -> Array:
+    """Return the bend of a sheath that bends by an angle, from this long after the hold on [rad]."""
     begun = np.arange(samples) * sample_time - HOLD_S - begins_s
-    bend: Array = preset.sheath_bend + BENT_BY * np.clip(begun / BENDING_S, 0.0, 1.0)
+    bend: Array = preset.sheath_bend + bends_by * np.clip(begun / BENDING_S, 0.0, 1.0)
     return bend
 
 
@@ -120,7 +137,7 @@ CONDITIONS = (
     ControlCondition("outliers", "salt-and-pepper", 0.05),
     ControlCondition("Poisson 1", "poisson", 1.0),
     ControlCondition("sine of 4 s", signals=("fast-sine",)),
-    ControlCondition("sheath bends", bends=True),
+    ControlCondition("sheath bends", bends_by=BENT_BY),
     ControlCondition("tip touched", tip_force=0.1),
     ControlCondition("wider twins", wider=1.5),
     ControlCondition("stick-slip", changes=(("stiction", 0.5),)),
@@ -128,12 +145,14 @@ CONDITIONS = (
     ControlCondition("warm-up, backlash", changes=(("backlash", 3e-4), ("friction_warm_up", 0.5))),
 )
 SUITES = {"short": CONDITIONS[:1], "full": CONDITIONS}
+SEALED = "sealed"
+"""Suite whose conditions are drawn (`twin/control/sealed.py`)."""
 
 
 def find_conditions(suite: str) -> tuple[ControlCondition, ...]:
     """Return the conditions of a suite."""
     if suite not in SUITES:
-        raise InputError(f"unknown suite {suite!r:.40}; valid: {', '.join(SUITES)}")
+        raise InputError(f"unknown suite {suite!r:.40}; valid: {', '.join(SUITES)}, {SEALED}")
     return SUITES[suite]
 
 
@@ -201,10 +220,13 @@ class ControlSettings:
         stream: SeedUse = SeedUse.CONTROL_TWINS,
     ) -> Preset:
         """Return an endoscope that is scored under a condition, with the servo of the limits."""
-        rng = random_stream(self.seed, stream, number)
+        rng = random_stream(self._seed(condition), stream, number)
         drawn = condition.draw(self.preset, self.ranges, rng)
         speed = min(self.speed_mm_s * 1e-3, drawn.servo_speed or math.inf)
         return drawn.replace(servo_speed=speed, sensor_latency=drawn.sensor_latency + self.latency_s)
+
+    def _seed(self, condition: ControlCondition) -> int:
+        return self.seed if condition.seed is None else condition.seed
 
     def cases(self, condition: ControlCondition, knowledge: ControlKnowledge) -> list[ControlCase]:
         """Return the case of every trial of a condition on a stroke: all twins on all signals."""
@@ -214,11 +236,11 @@ class ControlSettings:
             preset = self.held_out(number, condition)
             for kind in condition.signals:
                 which = place, number, SIGNALS.index(kind)
-                rng = random_stream(self.seed, SeedUse.CONTROL_REFERENCES, *which)
+                rng = random_stream(self._seed(condition), SeedUse.CONTROL_REFERENCES, *which)
                 reached = knowledge.line.reached_deg
                 wanted = reference(kind, reached, self.seconds, knowledge.sample_time, rng)
-                rng = random_stream(self.seed, SeedUse.CONTROL_NOISE, *which)
-                noise = draw_noise(condition.noise, condition.level, (len(wanted),), rng)
+                rng = random_stream(self._seed(condition), SeedUse.CONTROL_NOISE, *which)
+                noise = condition.draw_noise(len(wanted), rng)
                 bend, force = condition.sheath_bend(preset, len(wanted)), condition.tip_forces(len(wanted))
                 cases.append(ControlCase(preset, wanted, noise, bend, force, self.physics))
         return cases

@@ -180,11 +180,28 @@ RECORDS = "records"
 RECORD_SIGN = "tracking_rmse_deg"  # metadata that no other recording has
 
 
+def pooled(results: Sequence[ControlResult]) -> list[ControlResult]:
+    """Return a result for each controller: the endoscopes of all conditions together."""
+    found = []
+    for name in dict.fromkeys(of.controller for of in results):
+        mine = [of for of in results if of.controller == name]
+        measures = {of: np.concatenate([each.measures[of] for each in mine], axis=1) for of in MEASURES}
+        found.append(
+            ControlResult(name, ControlCondition("all conditions"), mine[0].strokes_mm, measures, {})
+        )
+    return found
+
+
 def control_values(
-    comparison: Comparison, settings: ControlSettings, ours: str | None, origin: Mapping[str, Any]
+    comparison: Comparison,
+    settings: ControlSettings,
+    ours: str | None,
+    origin: Mapping[str, Any],
+    test_set: str = "",
 ) -> dict[str, Any]:
-    """Return what `control.json` holds."""
+    """Return what `control.json` holds; a sealed test set has a name, and totals of all conditions."""
     results = comparison.results
+    together = [*pooled(results), *results] if test_set else results
     limits = [dataclasses.asdict(settings.limits(stroke)) for stroke in settings.strokes_mm]
     stated = settings.to_dict()
     protocol = {
@@ -194,14 +211,15 @@ def control_values(
         "preset": settings.preset.name,
         "limits": limits,
         "sensor_latency_s": settings.latency_s,
+        "test_set": test_set or None,
     }
     kept = ("physics", "twins", "seconds", "preview_s", "candidates", "tuning_seconds", "seed")
     protocol |= {name: stated[name] for name in kept}
     return {
         "control": protocol,
-        "totals": with_percentages([result.total() for result in results]),
+        "totals": with_percentages([result.total() for result in together]),
         "rows": with_percentages([row for result in results for row in result.rows()]),
-        "comparisons": comparisons(results, ours) if ours else [],
+        "comparisons": comparisons(together, ours) if ours else [],
         "tuned": comparison.tuned,
         "origin": dict(origin),
     }
@@ -214,16 +232,30 @@ def write_values(folder: Path, values: dict[str, Any]) -> Path:
     return path
 
 
-def write_record(folder: Path, trial: ControlTrial, settings: ControlSettings, controller: str) -> Path:
-    """Write a trial on the first twin as MCAP, simulated again along its commands.
+def write_record(
+    folder: Path, trial: ControlTrial, settings: ControlSettings, condition: ControlCondition, controller: str
+) -> Path:
+    """Write a trial on the first twin of a condition as MCAP, simulated again along its commands.
 
     It holds command, truth, measurement, `/reference` and the controller's estimate.
     """
     from twin.recording.messages import REFERENCE_TOPIC, estimate_message, estimate_topic, to_nanoseconds
     from twin.recording.writer import EpisodeWriter
 
-    preset = settings.held_out(0)
-    episode = simulate(preset, trial.pull_mm * 1e-3, trial.sample_time, physics=settings.physics)
+    preset, samples = settings.held_out(0, condition), len(trial.pull_mm)
+    sheath_bend, forces = condition.sheath_bend(preset, samples), iter(condition.tip_forces(samples)[1:])
+
+    def push(endoscope: Any) -> None:
+        endoscope.push_tip(next(forces, 0.0))
+
+    episode = simulate(
+        preset,
+        trial.pull_mm * 1e-3,
+        trial.sample_time,
+        physics=settings.physics,
+        sheath_bend=sheath_bend if len(sheath_bend) else None,
+        on_sample=push if condition.tip_force else None,
+    )
     facts = {**episode.metadata, "controller": controller, RECORD_SIGN: trial.rmse_deg}
     episode = dataclasses.replace(episode, measured_bend=np.radians(trial.measured_deg), metadata=facts)
     path = folder / RECORDS / f"{controller}.mcap"

@@ -232,15 +232,15 @@ def _draw_condition(
 ) -> SealedCondition:
     others = [name for name in preset_names() if name != preset.name]
     another, other = rng.random() < ANOTHER, str(rng.choice(others))
-    wider = _log_uniform(WIDER, rng)
+    wider = log_uniform(WIDER, rng)
     farther = 1.0
     if another:
         preset, ranges, farther = load_preset(other), load_ranges(other), FARTHER
     drawn = ranges.wider(wider).draw(preset, rng)
-    half = _log_uniform(HALF_STROKE_MM, rng)
+    half = log_uniform(HALF_STROKE_MM, rng)
     middle = rng.uniform(-1, 1) * (FARTHEST_MM - half)
     low, high = farther * (middle - half), farther * (middle + half)
-    signal, slower = str(rng.choice(list(SIGNALS))), _log_uniform(SLOWER, rng)
+    signal, slower = str(rng.choice(list(SIGNALS))), log_uniform(SLOWER, rng)
     pull = command(signal, (low * 1e-3, high * 1e-3), seconds / slower, SAMPLE_TIME / slower, rng)
     from_rest = rng.random() >= UNKNOWN_HISTORY
     turns = draw_turns((low, high), 1, rng) * 1e-3
@@ -283,22 +283,35 @@ def _draw_sensor(rng: np.random.Generator) -> SealedSensor:
     of_zero = (0.0, 0.0) if calibrated else (zero, ZERO_DEVIATION_DEG)
     if rng.random() < FAULTY:
         kind = str(rng.choice(list(LEVELS)))
-        level = _log_uniform(LEVELS[kind], rng)
+        level = log_uniform(LEVELS[kind], rng)
         return SealedSensor(kind, level, noise_variance(kind, level), *of_zero)
+    return draw_noise_sensor(None, rng, *of_zero)
+
+
+def draw_noise_sensor(
+    variance_deg2: float | None,
+    rng: np.random.Generator,
+    zero_deg: float = 0.0,
+    zero_deviation_deg: float = 0.0,
+) -> SealedSensor:
+    """Draw a sensor with a family of noise, and its R [deg^2] if that is None."""
     kind = str(rng.choice(list(FAMILIES)))
+    level = log_uniform(FAMILIES[kind][1], rng)
     return SealedSensor(
         kind,
-        _log_uniform(FAMILIES[kind][1], rng),
-        _log_uniform(VARIANCE_DEG2, rng),
-        *of_zero,
+        level,
+        log_uniform(VARIANCE_DEG2, rng) if variance_deg2 is None else variance_deg2,
+        zero_deg,
+        zero_deviation_deg,
         sign=float(rng.choice([-1.0, 1.0])),
-        correlation_s=_log_uniform(CORRELATION_S, rng) if rng.random() < CORRELATED else 0.0,
+        correlation_s=log_uniform(CORRELATION_S, rng) if rng.random() < CORRELATED else 0.0,
         changes_at=rng.uniform(0.2, 0.8) if rng.random() < CHANGES else 1.0,
-        change=_log_uniform(CHANGE, rng),
+        change=log_uniform(CHANGE, rng),
     )
 
 
-def _log_uniform(limits: tuple[float, float], rng: np.random.Generator) -> float:
+def log_uniform(limits: tuple[float, float], rng: np.random.Generator) -> float:
+    """Draw a number between limits, evenly on a logarithmic scale."""
     low, high = np.log(limits)
     return float(np.exp(rng.uniform(low, high)))
 

@@ -171,6 +171,7 @@ def _facts(control: Mapping[str, Any]) -> html.Facts:
         ("delay of the sensor", f"{control['sensor_latency_s']:g} s"),
         ("reference known ahead", f"{control['preview_s']:g} s"),
         ("tuning", f"{control['candidates']} settings for each controller and sensor, on other endoscopes"),
+        ("sealed test set", control.get("test_set") or "none"),
         ("SHA-256 of the trained file", control["policy_sha256"] or "none"),
         ("seed", f"{control['seed']}"),
         ("EndoTwin", str(control["version"])),

@@ -47,6 +47,7 @@ class SeedUse(enum.IntEnum):
     CONTROL_TUNING_REFERENCES = 504
     CONTROL_TUNING_NOISE = 505
     VIEW_NOISE = 506
+    CONTROL_SEALED = 507
 
 
 def random_stream(seed: int, stream: SeedUse, *numbers: int) -> np.random.Generator:
