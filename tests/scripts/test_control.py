@@ -8,6 +8,7 @@ from small_tracking import write_tiny
 from typed import typed
 
 from twin.control.controller import controller_specs
+from twin.evaluation.sealed import sealed_seed
 
 SHORT = "control --physics reduced --twins 2 --seconds 3 --candidates 2 --stroke -1 1 --workers 1 --out out"
 
@@ -31,15 +32,36 @@ def test_rows_and_comparisons_of_every_signal_are_written(compared):
     assert [row[name] for name in names] == ["linear", "gaussian", 1.0, "sine"]
     assert row["stroke_mm"] == [-1.0, 1.0]
     assert row["rmse_ci95_deg"][0] <= row["rmse_deg"] <= row["rmse_ci95_deg"][1]
-    assert {of["controller"]: of["tried"] for of in written["tuned"]} == {"linear": 1, "pid": 2}
+    assert {of["controller"]: of["tried"] for of in written["tuned"]} == {"linear": 2, "pid": 2}
+    assert all(0 <= of["settings"]["lead_s"] <= 1 for of in written["tuned"])
     assert written["control"]["limits"] == [{"low_mm": -4.0, "high_mm": 4.0, "speed_mm_s": 5.0}]
-    assert "| R = 1 " in (folder / "out/control.md").read_text()
+    tables = (folder / "out/control.md").read_text()
+    for text in ("| R = 1 ", "percentage of the uncompensated", "Reversals of the command"):
+        assert text in tables
+    assert {row["percent_of_uncompensated"] for row in written["rows"][:3]} == {100.0}
+    assert {row["holding_reversals_per_s"] is None for row in written["rows"][:2]} == {True}
     page = (folder / "out/control.html").read_text()
     assert page.count("<img") == (4 if (folder / "out/poses.png").exists() else 3)
     assert "endotwin control --controller linear pid --stroke -1 1 --twins 2 --seconds 3" in page
     assert [of["controller"] for of in written["totals"]] == ["linear", "pid"]
     for name in ("tracking.png", "loops.png", "errors.png"):
         assert (folder / "out" / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_sealed_suite_states_its_test_set_which_the_file_under_test_determines(tmp_path):
+    write_tiny(tmp_path / "ppo.onnx")
+    words = SHORT.replace("--twins 2 --seconds 3 --candidates 2", "--twins 1 --seconds 1 --candidates 1")
+    words += " --suite sealed --controller linear --tracking-policy ppo.onnx --seed 3 --json"
+    code, out, said = typed(words, tmp_path)
+    assert code == 0, said
+    written = json.loads((tmp_path / "out/control.json").read_text())
+    test_set = f"{sealed_seed([tmp_path / 'ppo.onnx'], 3):016x}"
+    assert json.loads(out)["test_set"] == written["control"]["test_set"] == test_set
+    assert test_set in (tmp_path / "out/control.html").read_text()
+    totals = written["totals"]
+    assert (totals[0]["condition"], totals[0]["percent_of_uncompensated"]) == ("all conditions", 100)
+    assert [of["condition"] for of in totals[1:]] == [row["condition"] for row in written["rows"][::3]]
+    assert len(totals) > 6  # nothing touches the tip of a reduced endoscope
 
 
 def test_a_record_that_is_not_ours_is_left_as_it_is(tmp_path):
