@@ -145,13 +145,15 @@ def test_beyond_the_training_the_fallback_is_in_charge_without_a_jump_and_trust_
     assert error[back + 30 :].max() < 2 * error[50:95].max()
 
 
-@pytest.mark.parametrize(("offset", "tuned"), [(-16.0, {}), (-16.0, {"proportional_mm_per_deg": 0.03})])
+@pytest.mark.parametrize(
+    ("tuned", "lead"), [({}, 0), ({"proportional_mm_per_deg": 0.03}, 0), ({"lead_s": 2 * T}, 2)]
+)
 def test_the_fallback_begins_at_the_command_that_stands_and_goes_on_from_there_by_pi(
-    twins_policy, offset, tuned
+    twins_policy, tuned, lead
 ):
     """A sensor that is off from some sample on parts the trained filter from the fallback.
 
-    Gains are those that were tuned for the active model, which the fallback is.
+    Gains and lead are those that were tuned for the active model, which the fallback is.
     """
     measure = noisy(1)
     driven = controller(twins_policy, **{"active-model-pi": tuned})
@@ -159,21 +161,22 @@ def test_the_fallback_begins_at_the_command_that_stands_and_goes_on_from_there_b
 
     def off(k, bend):
         alarms.append(driven.runtime.reading.alarms if k else Alarm.NONE)
-        return measure(k, bend) + offset * (k >= 150)
+        return measure(k, bend) - 16.0 * (k >= 150)
 
-    course = closed_loop(driven, Endoscope(), WANTED, off)
+    course = closed_loop(driven, Endoscope(), WANTED, off, preview=10 if lead else 0)
     assert_within(LIMITS, course.pull_mm)
+    ahead = WANTED[lead:]
     first = int(np.flatnonzero(course.fell_back)[0])
     assert 150 < first < 200
     assert alarms[first + 1] & (Alarm.INNOVATION | Alarm.DISAGREEMENT)
     gains = {name: setting.default for name, setting in PI_SETTINGS.items()} | tuned
     line = knowledge().line
-    error = WANTED[first] - course.believed_deg[first]
-    total = course.pull_mm[first] - line.pull_mm(WANTED[first]) - gains["proportional_mm_per_deg"] * error
+    error = ahead[first] - course.believed_deg[first]
+    total = course.pull_mm[first] - line.pull_mm(ahead[first]) - gains["proportional_mm_per_deg"] * error
     for k in range(first, first + 15):
-        error = WANTED[k] - course.believed_deg[k]
+        error = ahead[k] - course.believed_deg[k]
         total += gains["integral_mm_per_deg_s"] * T * error
-        asked = line.pull_mm(WANTED[k + 1]) + gains["proportional_mm_per_deg"] * error + total
+        asked = line.pull_mm(ahead[k + 1]) + gains["proportional_mm_per_deg"] * error + total
         assert course.fell_back[k]
         assert course.pull_mm[k + 1] == pytest.approx(asked, abs=1e-9)
 

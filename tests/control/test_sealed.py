@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from controlled import PRESET, knowledge
 
-from twin.control.conditions import ControlSettings
+from twin.control.conditions import CAPSTAN, ControlSettings
 from twin.control.results import MEASURES, ControlResult, pooled, write_record
 from twin.control.sealed import CONDITIONS, FIELDS, PARAMETERS, SENSORS, draw_conditions
 from twin.control.trial import run_trial
@@ -35,6 +35,7 @@ def test_a_condition_has_the_two_kinds_of_its_name_within_their_ranges(condition
     assert len(kinds) == 2
     for kind, (name, (low, high)) in (FIELDS | PARAMETERS).items():
         assert (low <= found.get(name, 0.0) <= high) is (kind in kinds)
+    assert found.get("sheath_friction") != dict(CAPSTAN)["sheath_friction"]
     assert 4.0 <= condition.begins_s <= 14.0
 
 

@@ -51,6 +51,7 @@ def closed_loop(
     wanted_deg: np.ndarray,
     seen: Callable[[int, float], float] = lambda sample, bend: bend,
     first_mm: float = 0.0,
+    preview: int = 0,
 ) -> Course:
     """Run a controller on any plant, from a pull to its bend; `seen` makes the measurement of it."""
     controller.start(first_mm, float(wanted_deg[0]))
@@ -58,7 +59,8 @@ def closed_loop(
     for k, wanted in enumerate(wanted_deg):
         bend = plant(pull)
         following = wanted_deg[min(k + 1, len(wanted_deg) - 1)]
-        sensed = Sensed(k * controller.sample_time, float(seen(k, bend)), float(wanted), float(following))
+        known = float(wanted), float(following), wanted_deg[k + 1 : k + 1 + preview]
+        sensed = Sensed(k * controller.sample_time, float(seen(k, bend)), *known)
         command = controller.step(sensed)
         rows.append((pull, bend, controller.estimate_deg, controller.falls_back))
         pull = command
