@@ -167,7 +167,8 @@ def test_controllers_are_ranked_with_what_is_better_than_each(tmp_path):
     assert [row[0] for row in ranked] == ["ours", "pid", "oracle"]
     assert "ours follows best: 0.25 deg (RMSE), where the next, pid, has 1.00." in page
     assert ranked[1] == ["pid", "1.00", "2.00", "75 %", "70 to 80 %"]
-    assert ["ours", "11", "fallback 12.5 %", "-"] in rows_of(page)
+    assert ["R = 1", "11", "11", "fallback 12.5 %", "11"] in rows_of(page)
+    assert ["bends", "150.0", "-", "-"] in rows_of(page)  # percent of the uncompensated error
     for stated in ("0.123", "1.2.3", "a &amp; b", f"endotwin control --controller pid ours --out {tmp_path}"):
         assert stated in page
 

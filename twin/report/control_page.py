@@ -59,9 +59,12 @@ def control_page(values: Mapping[str, Any], folder: Path) -> html.Page:
     files = {folder / name: caption for name, caption in FIGURES.items()}
     pictures = [figure(path, caption) for path, caption in files.items() if path.is_file()]
     first = [of for of in totals if of["condition"] == totals[0]["condition"]]
+    endoscopes = f"{control['twins']} endoscope{'s' if control['twins'] > 1 else ''}"
+    if control.get("test_set"):
+        endoscopes += " in each sealed condition"
     page = html.Page(
         "EndoTwin control: following a bend in spite of the hysteresis",
-        f"{control['preset']}, {control['twins']} endoscope{'s' if control['twins'] > 1 else ''}",
+        f"{control['preset']}, {endoscopes}",
         verb="control",
         intro=(_answer(first), *pictures[:1], _ranked(first, values["comparisons"])),
     )
@@ -121,10 +124,10 @@ def _errors(totals: Sequence[Total]) -> Sequence[Markup]:
 
     def by_condition(title: str, note: str, show: Callable[[Total], html.Cell | str]) -> Markup:
         rows = []
-        for name in names:
-            row = [cells.get((name, condition)) for condition in conditions]
-            rows.append((name, *("-" if of is None else show(of) for of in row)))
-        head, cards = ("controller", *conditions), len(conditions) > 3
+        for condition in conditions:
+            row = [cells.get((name, condition)) for name in names]
+            rows.append((condition, *("-" if of is None else show(of) for of in row)))
+        head, cards = ("condition", *names), len(names) > 3
         return html.table(head, rows, title=title, note=note, cards=cards, numbers=True)
 
     def travel(of: Total) -> html.Cell:
