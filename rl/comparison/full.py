@@ -207,7 +207,7 @@ def train_missing(
     suite: Suite, known: Sequence[Knowledge], executor: Executor, progress: NewProgress
 ) -> None:
     """Train every learned method that is not given, at every sample time, on as many episodes at each."""
-    # PPO, which counts samples, takes longest and starts first: otherwise other workers would idle at the end.
+    # PPO, which counts samples, takes longest and starts first: else other workers would idle at the end.
     agents = sorted(_to_train(suite), key=lambda agent: find_trainer(agent).unit != "samples")
     jobs = [
         executor.submit(

@@ -110,6 +110,21 @@ def rank_conditions(logs: Mapping[str, Array], oracles: Sequence[str] = ()) -> l
 
     `logs` are, by method, (K, C) logarithms of the RMSE of K training runs in the same C conditions [deg].
     """
+    whole = _over_conditions(logs)
+    return _ranked(list(logs), whole, [whole], oracles)
+
+
+def ratio_over_conditions(one: Array, other: Array) -> tuple[float, tuple[float, float]]:
+    """Return the ratio of the geometric means of two methods, with its 95 % interval.
+
+    Arguments are as the values of `logs` in `rank_conditions`, of two conditions or more.
+    """
+    errors = _over_conditions({"one": one, "other": other})
+    ratio = float(np.exp(errors.log[0] - errors.log[1]))
+    return ratio, errors.interval(0, 1) or (ratio, ratio)
+
+
+def _over_conditions(logs: Mapping[str, Array]) -> "_Errors":
     means = np.array([of.mean() for of in logs.values()])
     of_conditions = np.array([of.mean(axis=0) for of in logs.values()]).T  # (C, M)
     count = len(of_conditions)
@@ -118,8 +133,7 @@ def rank_conditions(logs: Mapping[str, Array], oracles: Sequence[str] = ()) -> l
         if (runs := len(of)) > 1:
             left_out.append(np.zeros((runs, len(logs))))
             left_out[-1][:, place] = (runs * means[place] - of.mean(axis=1)) / (runs - 1)
-    whole = _Errors(means, left_out)
-    return _ranked(list(logs), whole, [whole], oracles)
+    return _Errors(means, left_out)
 
 
 def _ranked(

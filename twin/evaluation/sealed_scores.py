@@ -16,7 +16,7 @@ from twin.estimation.registry import method_spec
 from twin.evaluation.method import Method
 from twin.evaluation.metrics import confidence_interval, error_indices, geometric_mean, interval_indices
 from twin.evaluation.protocol import SEALED, STEADY_SECONDS
-from twin.evaluation.ranking import Ranking, competes, rank_conditions
+from twin.evaluation.ranking import Ranking, competes, rank_conditions, ratio_over_conditions
 from twin.evaluation.score import Score
 from twin.evaluation.sealed import KINDS, SealedCondition, sealed_case
 
@@ -202,12 +202,12 @@ def summary_of(name: str, results: Mapping[str, SealedResult]) -> Sealed | None:
         return None
     rival = min(others, key=lambda of: float(np.log(others[of].rmse_deg).mean()))
     one, other = (np.log(results[of].errors["rmse_deg"].mean(axis=2)) for of in (name, rival))
-    low, high = confidence_interval(one - other.mean(axis=0))
+    ratio, interval = ratio_over_conditions(one, other)
     coverage = results[name].intervals.get("coverage95")
     return Sealed(
         rival,
-        float(np.exp((one.mean(axis=0) - other.mean(axis=0)).mean())),
-        (float(np.exp(low)), float(np.exp(high))),
+        ratio,
+        interval,
         float((results[name].rmse_deg > others[rival].rmse_deg).mean()),
         None if coverage is None else float(((coverage >= HONEST[0]) & (coverage <= HONEST[1])).mean()),
     )
