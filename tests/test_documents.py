@@ -214,3 +214,11 @@ def test_a_tutorial_is_a_notebook_with_what_its_cells_print_and_show():
     (figure,) = (of.data["image/png"] for of in outputs if of.output_type == "display_data")
     assert base64.b64decode(figure).startswith(b"\x89PNG")
     assert not [cell for cell in content.cells if tutorials.MARK in cell.source]
+
+
+def test_every_claim_of_the_readme_is_one_of_what_we_found():
+    """Claims are in bold."""
+    found = (REPOSITORY / "docs/what_we_found.md").read_text()
+    claims = re.findall(r"\*\*(.+?)\*\*", (REPOSITORY / "README.md").read_text())
+    assert claims
+    assert [claim for claim in claims if claim.rstrip(".") not in found] == []
