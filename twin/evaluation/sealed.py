@@ -30,7 +30,8 @@ from twin.signals.streams import SeedUse, random_stream
 Array = NDArray[np.float64]
 
 CONDITIONS = 200
-FARTHEST_MM = 4.5  # pull of `ureteroscope`; other presets are pulled `FARTHER`
+FARTHEST_MM = 4.5  # pull of `ureteroscope` and presets of its size; `LARGER` ones are pulled `FARTHER`
+LARGER = ("vio_com",)
 HALF_STROKE_MM = (0.5, 4.5)  # drawn log-uniformly; the stroke is anywhere within `FARTHEST_MM`
 SLOWER = (0.5, 2.0)  # factor of the periods of a command, log-uniform
 WIDER = (1.0, 2.0)  # factor of the ranges of the endoscope, log-uniform
@@ -233,9 +234,9 @@ def _draw_condition(
     others = [name for name in preset_names() if name != preset.name]
     another, other = rng.random() < ANOTHER, str(rng.choice(others))
     wider = log_uniform(WIDER, rng)
-    farther = 1.0
     if another:
-        preset, ranges, farther = load_preset(other), load_ranges(other), FARTHER
+        preset, ranges = load_preset(other), load_ranges(other)
+    farther = FARTHER if preset.name in LARGER else 1.0
     drawn = ranges.wider(wider).draw(preset, rng)
     half = log_uniform(HALF_STROKE_MM, rng)
     middle = rng.uniform(-1, 1) * (FARTHEST_MM - half)
