@@ -55,6 +55,10 @@ SMALLER: tuple[tuple[str, str], ...] = (
         r"(endotwin evaluate .*--suite (?:full|untrained))",
         r"\1 --seeds 1 --members 8 --seconds 5 --episodes 1 --sample-time 0.1",
     ),
+    (
+        r"(endotwin evaluate --suite sealed)",
+        r"\1 --seeds 1 --members 8 --seconds 5 --methods 'RAM (twins)' AM Ensemble",
+    ),
     (r"--sample-time 0.1 (.*)--sample-time 0.1", r"--sample-time 0.1 \1"),
     (r"(endotwin gate .*?)(?= --out)", r"\1 --quick"),
     (r"(endotwin run .*--stroke -1 1) < samples.jsonl", r"head -20 samples.jsonl | \1"),
