@@ -79,7 +79,7 @@ def test_tuned_filters_beat_the_papers_on_the_training_stroke(known, records):
     methods = [build_method(spec, known) for spec in usual_specs() if spec.is_ready(known)]
     scores, *_ = compare([record], methods, Protocol("paper-only", seeds=4))
     rmse = {score.method: score.rmse_deg for score in scores if score.condition == ("gaussian", 1.0)}
-    assert len(rmse) == 19
+    assert len(rmse) == 20
     for name in ("AM-tuned", "AM-tuned (Q, R)", "Constant gain", "ESMF", "Koopman"):
         assert rmse[name] < 0.7 * rmse["AM"], name
     assert rmse["KF"] == pytest.approx(rmse["AM"], rel=1e-9)
