@@ -201,7 +201,7 @@ def test_intervals_of_equal_methods_are_honest():
     assert np.mean(won) <= 0.06
 
 
-FEW = "--suite sealed --seconds 6 --seeds 2 --members 8 --methods C-H AM Ensemble --json"
+FEW = "--suite sealed --seconds 5 --seeds 2 --members 8 --methods C-H AM Ensemble --json"
 
 
 @pytest.fixture(scope="module")

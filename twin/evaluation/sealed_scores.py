@@ -101,7 +101,10 @@ def _run(
             first = first if first.size else estimate[::draws]
             errors.append((estimate - truth).reshape(shape)[..., 1:])
             widths += [] if half_width is None else [half_width.reshape(shape)[..., 1:]]
-        every, late = np.array(errors), max(round(STEADY_SECONDS / T) - 1, 0)
+        every = np.array(errors)
+        late = min(
+            max(round(STEADY_SECONDS / T) - 1, 0), every.shape[-1] - 1
+        )  # a short record: its last sample
         stated = [
             interval_indices(every[:, place], np.array([of[place] for of in widths]))
             for place in range(len(part) if widths else 0)
