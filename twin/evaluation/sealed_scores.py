@@ -102,9 +102,8 @@ def _run(
             errors.append((estimate - truth).reshape(shape)[..., 1:])
             widths += [] if half_width is None else [half_width.reshape(shape)[..., 1:]]
         every = np.array(errors)
-        late = min(
-            max(round(STEADY_SECONDS / T) - 1, 0), every.shape[-1] - 1
-        )  # a short record: its last sample
+        late = max(round(STEADY_SECONDS / T) - 1, 0)
+        late = min(late, every.shape[-1] - 1)  # of a short record, its last sample
         stated = [
             interval_indices(every[:, place], np.array([of[place] for of in widths]))
             for place in range(len(part) if widths else 0)
