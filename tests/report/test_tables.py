@@ -12,6 +12,7 @@ from twin.evaluation.paper import INDICES, TABLES, paper_value
 from twin.evaluation.ranking import MethodRank, Ranking
 from twin.report.tables import (
     best_deployable,
+    best_two,
     comparison_tables,
     front_scores,
     overall_table,
@@ -195,6 +196,13 @@ def test_the_best_that_can_be_deployed_is_no_oracle_and_no_yardstick():
     assert best_deployable([*scores, row("Ensemble", 0.6)]) == "Ensemble"
     assert best_deployable(scores) == "RAM"
     assert best_deployable(scores[2:]) is None
+
+
+def test_the_next_best_is_no_part_of_the_same_file():
+    scores = [row("RAM (twins), filter alone", 0.6), row("RAM (twins)", 0.7), row("AM", 0.8), row(LIMIT, 0.2)]
+    assert best_two(scores) == ["RAM (twins), filter alone", "AM"]
+    assert best_two(scores[:2]) == ["RAM (twins), filter alone"]
+    assert best_two(scores[3:]) == []
 
 
 def test_a_first_look_has_the_papers_noises_its_methods_and_the_best():

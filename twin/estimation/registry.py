@@ -153,6 +153,12 @@ def find_method(name: str) -> MethodSpec:
     return spec
 
 
+def source_of(name: str) -> str:
+    """Return the agent whose trained file a method runs on, else its name: parts of one are no rivals."""
+    spec = method_spec(name)
+    return (spec.agent if spec else None) or name
+
+
 def trainings() -> dict[str, Training]:
     """Return the trainings of the learned methods, by agent."""
     return {spec.training.agent: spec.training for spec in method_specs() if spec.training}

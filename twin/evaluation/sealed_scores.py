@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from twin.episode import Record
 from twin.errors import DivergedError
 from twin.estimation.knowledge import IntervalEstimator
-from twin.estimation.registry import method_spec
+from twin.estimation.registry import source_of
 from twin.evaluation.method import Method
 from twin.evaluation.metrics import confidence_interval, error_indices, geometric_mean, interval_indices
 from twin.evaluation.protocol import SEALED, STEADY_SECONDS
@@ -199,7 +199,9 @@ class Sealed:
 
 def summary_of(name: str, results: Mapping[str, SealedResult]) -> Sealed | None:
     """Return the summary of a method; None where no other one competes. Parts of it are no rivals."""
-    others = {of: result for of, result in results.items() if competes(of) and _agent(of) != _agent(name)}
+    others = {
+        of: result for of, result in results.items() if competes(of) and source_of(of) != source_of(name)
+    }
     if not others:
         return None
     rival = min(others, key=lambda of: float(np.log(others[of].rmse_deg).mean()))
@@ -213,9 +215,3 @@ def summary_of(name: str, results: Mapping[str, SealedResult]) -> Sealed | None:
         float((results[name].rmse_deg > others[rival].rmse_deg).mean()),
         None if coverage is None else float(((coverage >= HONEST[0]) & (coverage <= HONEST[1])).mean()),
     )
-
-
-def _agent(name: str) -> str:
-    """Return the agent whose trained file a method runs on, else its own name."""
-    spec = method_spec(name)
-    return (spec.agent if spec else None) or name

@@ -58,10 +58,13 @@ def answer(scores: Sequence[Score]) -> Markup:
         return html.text("No method that can be deployed was compared.", "headline")
     noises = len({score.condition for score in front})
     over = f"geometric mean over {noises} noises" if noises > 1 else noise_label(*front[0].condition)
-    (best, error), *others = tables.mean_errors(front).items()
+    errors = tables.mean_errors(front)
+    best, *others = tables.best_two(front)
+    error = errors[best]
     if not others:
         return html.text(f"{best} has an RMSE of {error:.2f} deg ({over}).", "headline")
-    (second, larger), *_ = others
+    (second,) = others
+    larger = errors[second]
     sentence = (
         f"{best} has the least error of the methods that can be deployed: {error:.2f} deg, "
         f"where the next, {second}, has {larger:.2f} (RMSE, {over})."

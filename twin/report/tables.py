@@ -12,7 +12,7 @@ from tabulate import tabulate
 
 from twin.errors import InputError
 from twin.estimation.methods import METHODS
-from twin.estimation.registry import method_spec, method_specs
+from twin.estimation.registry import method_spec, method_specs, source_of
 from twin.evaluation.costs import Cost
 from twin.evaluation.metrics import geometric_mean
 from twin.evaluation.paper import TABLES, PaperTable, noise_label, paper_value
@@ -72,7 +72,7 @@ def front_scores(scores: Sequence[Score]) -> list[Score]:
     Of few methods, all are.
     """
     found = front_noises(scores)
-    best = list(mean_errors([score for score in found if is_deployable(score)]))[:2]
+    best = best_two(found)
     few = len({of.label for of in found}) <= MOST_FRONT
     return [of for of in found if few or of.label in best or _is_of_the_paper(of.method)]
 
@@ -112,6 +112,13 @@ def mean_errors(scores: Sequence[Score]) -> dict[str, float]:
         by_label.setdefault(score.label, []).append(score.rmse_deg)
     means = {label: float(geometric_mean(np.array(of))) for label, of in by_label.items()}
     return dict(sorted(means.items(), key=lambda item: (-len(by_label[item[0]]), item[1])))
+
+
+def best_two(scores: Sequence[Score]) -> list[str]:
+    """Return the labels of the best deployable method and of the next that is no part of the same file."""
+    sources = {score.label: source_of(score.method) for score in scores if is_deployable(score)}
+    ranked = list(mean_errors([score for score in scores if score.label in sources]))
+    return ranked[:1] + [label for label in ranked if sources[label] != sources[ranked[0]]][:1]
 
 
 def best_deployable(scores: Sequence[Score]) -> str | None:
