@@ -170,7 +170,7 @@ def with_percentages(lines: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     most = {place(of): max(of["rmse_deg"], 1e-9) for of in lines if of["controller"] == UNCOMPENSATED}
     found = []
     for of in lines:
-        percent = 100 * of["rmse_deg"] / most[place(of)] if place(of) in most else None
+        percent = 100 * (of["rmse_deg"] / most[place(of)]) if place(of) in most else None
         found.append(of | {"percent_of_uncompensated": percent})
     return found
 
