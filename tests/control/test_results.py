@@ -43,19 +43,19 @@ def test_a_row_for_each_signal_and_stroke_is_of_its_own_trials():
 
 
 def test_a_reduction_is_paired_by_twin_and_as_unsure_as_few_twins_make_it():
-    """What twins have in common widens no interval; equal controllers are told apart in few of 20 cases."""
+    """What twins have in common widens no interval; equal controllers differ in few of 20 cases."""
     theirs = errors(1, 1.0) * np.linspace(1, 20, 6)[:, None]
     (half,) = comparisons([result("ours", 0.5 * theirs), result("theirs", theirs)], "ours")
     assert half["reduction"] == pytest.approx(0.5)
     assert half["reduction_ci95"] == pytest.approx([0.5, 0.5])
-    rng, trials, told = np.random.default_rng(5), 200, 0
+    rng, trials, apart = np.random.default_rng(5), 200, 0
     for _ in range(trials):
         of_twin = np.exp(0.4 * rng.standard_normal((2, 1, 6, 1)))
         one, other = of_twin * np.exp(0.2 * rng.standard_normal((2, 2, 6, 3)))
         (found,) = comparisons([result("ours", one), result("theirs", other)], "ours")
         low, high = found["reduction_ci95"]
-        told += not low <= 0 <= high
-    assert told <= 0.05 * trials + 2 * np.sqrt(0.05 * 0.95 * trials)
+        apart += not low <= 0 <= high
+    assert apart <= 0.05 * trials + 2 * np.sqrt(0.05 * 0.95 * trials)
 
 
 def test_an_oracle_is_no_rival():

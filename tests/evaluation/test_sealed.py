@@ -170,17 +170,17 @@ def test_a_row_is_the_geometric_mean_over_conditions(conditions, sealed_records)
     assert summary.worse == pytest.approx((ratio > 1).mean())
 
 
-def test_an_estimator_is_told_that_the_history_is_unknown(conditions, sealed_records, model):
-    told = []
+def test_an_estimator_knows_that_the_history_is_unknown(conditions, sealed_records, model):
+    known = []
 
     class Asked(ActiveModel):
         def begun(self, from_rest, initial_deviation_deg=np.inf):
-            told.append(from_rest)
+            known.append(from_rest)
             return self
 
     filtering = Filtering(Asked(model, T))
     compare_sealed(conditions[:6], sealed_records[:6], [Method("asked", filtering)], 1, 7)
-    assert told == [False] * len({of.from_rest for of in conditions[:6] if not of.from_rest})
+    assert known == [False] * len({of.from_rest for of in conditions[:6] if not of.from_rest})
 
 
 def test_intervals_of_equal_methods_are_honest():
