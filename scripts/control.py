@@ -87,7 +87,7 @@ def control(args: Control) -> Summary:
     for extra in ("sim", "viz"):
         require_extra(extra, "endotwin control")
     from twin.control.comparison import compare, specs_of
-    from twin.control.conditions import SEALED, ControlSettings, find_conditions
+    from twin.control.conditions import ControlSettings, find_conditions
     from twin.control.results import (
         CAPTION,
         RECORD_SIGN,
@@ -101,7 +101,8 @@ def control(args: Control) -> Summary:
         write_values,
     )
     from twin.control.sealed import draw_conditions
-    from twin.evaluation.sealed import sealed_seed
+    from twin.evaluation.protocol import SEALED
+    from twin.evaluation.sealed import sealed_seed, test_set_name
     from twin.files.origin import origin_of
     from twin.files.run_folder import open_run
     from twin.preset import load_preset, load_ranges
@@ -112,7 +113,7 @@ def control(args: Control) -> Summary:
     test_set = ""
     if args.suite == SEALED:
         seed = sealed_seed(trained, args.seed)
-        test_set, conditions = f"{seed:016x}", draw_conditions(seed, args.seconds)
+        test_set, conditions = test_set_name(seed), draw_conditions(seed, args.seconds)
     else:
         conditions = find_conditions(args.suite)
     if args.physics == "reduced" and any(condition.tip_force for condition in conditions):

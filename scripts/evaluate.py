@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from rl.comparison.settings import Result, Settings, Suite
+from rl.options import PAPER_SAMPLE_TIME
 from scripts.command import Summary, command_line, complain, run_verb
 from scripts.outputs import output_folder
 from scripts.progress import Progress, TrainingProgress
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from twin.hysteresis import HysteresisModel
 
 MODEL = Path("coleman_hodgdon.json")
-PAPER_SAMPLE_TIME = 0.1
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,7 +4,6 @@ import csv
 import dataclasses
 import datetime
 import functools
-import io
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
@@ -27,6 +26,7 @@ from twin.estimation.registry import load_method_files
 from twin.evaluation.compare import Comparison
 from twin.evaluation.method import build_method
 from twin.evaluation.protocol import SEALED, Condition
+from twin.evaluation.ranking import competes
 from twin.evaluation.sealed import (
     CONDITIONS,
     SealedCondition,
@@ -34,6 +34,7 @@ from twin.evaluation.sealed import (
     sealed_seed,
     simulate_conditions,
     simulate_members,
+    test_set_name,
 )
 from twin.evaluation.sealed_scores import (
     SealedResult,
@@ -41,13 +42,17 @@ from twin.evaluation.sealed_scores import (
     sealed_scores,
     summary_of,
 )
+from twin.evaluation.yardsticks import write_ensemble
 from twin.files.atomic import MADE_BY, write_whole
+from twin.files.bounded import MEBIBYTE, read_limited
 from twin.preset import Preset, Ranges, load_preset, load_ranges
 from twin.report.publication import NAMES, write_publication
-from twin.report.tables import sealed_csv, sealed_rows, sealed_tables
+from twin.report.sealed_tables import sealed_rows, sealed_tables
+from twin.report.tables import csv_text
 from twin.workers.processes import choose_workers
 
 RUNS_FILE = "sealed_runs.csv"
+MOST_RUNS_BYTES = 16 * MEBIBYTE
 RUN_COLUMNS = ("date", "test_set", "number", "method", "rmse_deg")
 SEALED_FILES = RESULTS | {
     "conditions.csv": "endoscope,physics",
@@ -70,6 +75,7 @@ def run_sealed_suite(suite: Suite, progress: NewProgress) -> Result:
     refuse_mistakes(fixed, preset)
     suite.out.mkdir(parents=True, exist_ok=True)
     claim(fixed, preset, ranges)
+    earlier = _earlier_runs(suite.out / RUNS_FILE)
     given = [*suite.method_file, *(path for paths in suite.trained.values() for path in paths)]
     load_methods = functools.partial(load_method_files, suite.method_file) if suite.method_file else None
     with choose_workers(suite.workers, suite.workers, suite.dask, load_methods) as (executor, _):
@@ -82,7 +88,7 @@ def run_sealed_suite(suite: Suite, progress: NewProgress) -> Result:
         shown(0, CONDITIONS)
         records = simulate_conditions(conditions, T)
         shown(CONDITIONS, CONDITIONS)
-        ensembles = _ensembles(suite, conditions, seed, preset, ranges, executor, progress)
+        ensembles = _ensembles(suite, conditions, records, seed, preset, ranges, executor, progress)
         knowledge = dataclasses.replace(knowledge, ensembles=ensembles)
         methods = [build_method(spec, knowledge) for spec in suite.specs]
         shown = progress(f"evaluate T = {T:g} s", "condition")
@@ -92,13 +98,15 @@ def run_sealed_suite(suite: Suite, progress: NewProgress) -> Result:
     chosen = [[score.twin in condition.kinds for condition in conditions] for score in scores]
     squares = [of[:, which] for of, which in zip(squares, chosen, strict=True)]
     tracks = _tracks(conditions, records, results)
-    name = f"{seed:016x}"
-    runs = _note_run(suite, name, results)
+    name = test_set_name(seed)
+    runs = [*earlier, *_lines(suite, name, results)]
+    write_whole(suite.out / RUNS_FILE, csv_text(runs))
+    tried = len({run["test_set"] for run in runs})
     protocol = {
         "suite": suite.suite,
         "test_set": name,
         "number": suite.seed,
-        "test_sets_in_this_folder": runs,
+        "test_sets_in_this_folder": tried,
         "conditions": CONDITIONS,
         "seeds": suite.draws,
         "sample_times_s": [T],
@@ -109,13 +117,13 @@ def run_sealed_suite(suite: Suite, progress: NewProgress) -> Result:
         "files": [str(path) for path in given],
     }
     write_results(suite, [Comparison(scores, tracks, rankings, squares)], protocol)
-    summaries = {method.name: summary_of(method.name, results) for method in methods if not method.oracle}
-    remark = f"Test set {name} (number {suite.seed}); test sets tried in this folder: {runs}."
-    rows = sealed_rows(scores, summaries)
+    racing = [method.name for method in methods if competes(method.name, method.oracle)]
+    remark = f"Test set {name} (number {suite.seed}); test sets tried in this folder: {tried}."
+    rows = sealed_rows(scores, {method: summary_of(method, results) for method in racing})
     counts = {score.twin: int(score.level) for score in scores if score.group != scores[0].group}
     text = f"{remark}\n\n{sealed_tables(rows, counts)}\n\n<!-- {MADE_BY} -->\n"
     write_whole(suite.out / "sealed.md", text)
-    write_whole(suite.out / "sealed.csv", sealed_csv(rows))
+    write_whole(suite.out / "sealed.csv", csv_text(rows))
     write_whole(suite.out / "conditions.csv", _conditions_csv(conditions, results))
     write_publication(suite.out, scores, tracks, rankings, suite.format)
     return Result(scores, tracks, CONDITIONS, f"; {remark[0].lower()}{remark[1:-1]}")
@@ -124,6 +132,7 @@ def run_sealed_suite(suite: Suite, progress: NewProgress) -> Result:
 def _ensembles(
     suite: Suite,
     conditions: Sequence[SealedCondition],
+    records: Sequence[Record],
     seed: int,
     preset: Preset,
     ranges: Ranges,
@@ -139,17 +148,15 @@ def _ensembles(
     for place in range(suite.ensembles):
         shown = progress("ensembles", "condition")
         shown(0, len(conditions))
-        paths = [folder / f"{seed:016x}_{place}_{count}_{T:g}_{k:03d}.npz" for k in range(len(conditions))]
+        name = f"{test_set_name(seed)}_{place}_{count}_{T:g}"
+        paths = [folder / f"{name}_{k:03d}.npz" for k in range(len(conditions))]
         missing = [k for k, path in enumerate(paths) if not path.is_file()]
         make = functools.partial(
             simulate_members, preset=preset, ranges=ranges, count=count, seed=place, sample_time=T
         )
         made = executor.map(make, [conditions[k] for k in missing])
         for done, (k, bend) in enumerate(zip(missing, made, strict=True), start=1):
-            pull_mm = conditions[k].pull[:: len(conditions[k].pull) // bend.shape[1]] * 1e3
-            buffer = io.BytesIO()
-            np.savez(buffer, pull_mm=pull_mm, bend_deg=bend, sample_time=T)
-            write_whole(paths[k], buffer.getvalue())
+            write_ensemble(paths[k], records[k].pull_mm, bend, T)
             shown(len(conditions) - len(missing) + done, len(conditions))
         found.append(tuple(paths))
     return tuple(found)
@@ -166,33 +173,31 @@ def _tracks(
 
 def _conditions_csv(conditions: Sequence[SealedCondition], results: Mapping[str, SealedResult]) -> str:
     """Return a line for each condition: what it is, and the RMSE of each method [deg]."""
-    text = io.StringIO()
     errors = {f"rmse_deg of {name}": of.rmse_deg for name, of in results.items()}
     lines = [
         of.facts() | {name: float(rmse[k]) for name, rmse in errors.items()}
         for k, of in enumerate(conditions)
     ]
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(lines[0])
-    for line in lines:
-        writer.writerow(f"{cell:.6g}" if isinstance(cell, float) else cell for cell in line.values())
-    return text.getvalue()
+    return csv_text(lines, digits=6)
 
 
-def _note_run(suite: Suite, test_set: str, results: Mapping[str, SealedResult]) -> int:
-    """Add a line for each method to the list of runs; return how many test sets it holds."""
-    path = suite.out / RUNS_FILE
+def _earlier_runs(path: Path) -> list[dict[str, str]]:
+    """Return the lines of the runs in this folder, before the work: a damaged list loses nothing."""
     try:
-        rows = list(csv.reader(path.read_text().splitlines()))
-    except (FileNotFoundError, MissingFileError):
-        rows = [list(RUN_COLUMNS)]
-    if any(len(row) != len(RUN_COLUMNS) for row in rows):
+        lines = read_limited(path, MOST_RUNS_BYTES).decode().splitlines()
+    except MissingFileError:
+        return []
+    except UnicodeDecodeError:
+        lines = []
+    rows = list(csv.reader(lines))
+    if not rows or any(len(row) != len(RUN_COLUMNS) for row in rows):
         raise InputError(f"{path} is damaged: move it elsewhere")
+    return [dict(zip(RUN_COLUMNS, row, strict=True)) for row in rows[1:]]
+
+
+def _lines(suite: Suite, test_set: str, results: Mapping[str, SealedResult]) -> list[dict[str, str]]:
+    """Return the lines of this run, one for each method."""
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    for name, of in results.items():
-        rmse = float(np.exp(np.log(of.rmse_deg).mean()))
-        rows.append([now, test_set, str(suite.seed), name, f"{rmse:.4f}"])
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    write_whole(path, text.getvalue())
-    return len({row[1] for row in rows[1:]})
+    rmse = {name: float(np.exp(np.log(of.rmse_deg).mean())) for name, of in results.items()}
+    cells = ((now, test_set, str(suite.seed), name, f"{of:.4f}") for name, of in rmse.items())
+    return [dict(zip(RUN_COLUMNS, of, strict=True)) for of in cells]

@@ -2,9 +2,8 @@
 
 import csv
 import datetime
-import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from twin.evaluation.paper import noise_label
 from twin.evaluation.ranking import competes
 from twin.files.atomic import write_whole
 from twin.files.origin import stated_origin
+from twin.report.tables import csv_text
 
 LIMIT, REFERENCE = "Ensemble (limit)", "RAM (twins)"
 _ITS_PARTS = "RAM (twins), "  # how the names of rows without a part of it begin
@@ -79,17 +79,19 @@ def rivals(scores: Sequence[Score], given: Mapping[str, str]) -> str:
             | {"coverage [%]": _text(100 * float(np.mean(covered))) if covered else ""}
             | {"draws": mine[0]["seeds"], "trainings": mine[0]["trainings"]}
         )
-    return _csv(lines)
+    return csv_text(lines)
 
 
 def groups(scores: Sequence[Score]) -> str:
     """Return geometric means of the RMSE over the noises, by group of records."""
     of = _by_method(scores)
     names = list(dict.fromkeys(map(_group, scores)))
-    return _csv(
-        {"method": method}
-        | {name: _text(_mean([score for score in of[method] if _group(score) == name])) for name in names}
-        for method in _ranked(of)
+    return csv_text(
+        [
+            {"method": method}
+            | {name: _text(_mean([score for score in of[method] if _group(score) == name])) for name in names}
+            for method in _ranked(of)
+        ]
     )
 
 
@@ -109,7 +111,7 @@ def better_cells(scores: Sequence[Score]) -> str:
                 {"noise and group": name, "best method": best["method"], "its RMSE": best["rmse_deg"]}
                 | {REFERENCE: ours["rmse_deg"]}
             )
-    return _csv(lines)
+    return csv_text(lines)
 
 
 def _by_method(scores: Sequence[Score]) -> dict[str, list[Score]]:
@@ -138,11 +140,3 @@ def _mean(scores: Sequence[Score]) -> float:
 
 def _text(value: float) -> str:
     return f"{value:.4g}"
-
-
-def _csv(rows: Iterable[Mapping[str, str]]) -> str:
-    text, rows = io.StringIO(), list(rows)
-    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()

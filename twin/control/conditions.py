@@ -13,6 +13,7 @@ from twin.control.controller import MARGIN, CommandLimits, ControlKnowledge
 from twin.control.trial import HOLD_S, ControlCase
 from twin.errors import InputError
 from twin.estimation.deployment import Deployment, prepare_deployment
+from twin.evaluation.protocol import SEALED
 from twin.files.bounded import sha256_of
 from twin.files.bounds import check_between
 from twin.identification.models import identify_coleman_hodgdon
@@ -145,8 +146,6 @@ CONDITIONS = (
     ControlCondition("warm-up, backlash", changes=(("backlash", 3e-4), ("friction_warm_up", 0.5))),
 )
 SUITES = {"short": CONDITIONS[:1], "full": CONDITIONS}
-SEALED = "sealed"
-"""Suite whose conditions are drawn (`twin/control/sealed.py`)."""
 
 
 def find_conditions(suite: str) -> tuple[ControlCondition, ...]:

@@ -76,11 +76,13 @@ def jackknife(left_out: Sequence[Array]) -> tuple[float, float]:
     return math.sqrt(total), total**2 / squares if squares else 1.0
 
 
-def student_interval(figure: float, deviation: float, freedom: float) -> tuple[float, float]:
-    """Return the 95 % interval of a figure with a standard deviation of so many degrees of freedom."""
+def student_interval(
+    figure: float, deviation: float, freedom: float, confidence: float = 0.95
+) -> tuple[float, float]:
+    """Return Student's t interval of a figure with a standard deviation of so many degrees of freedom."""
     from scipy.special import stdtrit  # imported when used: cards of datasets need none of it
 
-    half = deviation * float(stdtrit(freedom, 0.975))
+    half = deviation * float(stdtrit(freedom, (1 + confidence) / 2))
     return figure - half, figure + half
 
 
@@ -91,8 +93,6 @@ def confidence_interval(values: Array, confidence: float = 0.95) -> tuple[float,
     freedom are those of the smaller number, so that the interval is rather too wide than too narrow. Values
     are (trainings, seeds) or (seeds,); where there is but one, both ends are the value itself.
     """
-    from scipy.special import stdtrit
-
     table = np.atleast_2d(np.asarray(values, dtype=float))
     mean = float(table.mean())
     means = [side for side in (table.mean(axis=0), table.mean(axis=1)) if len(side) > 1]
@@ -100,5 +100,4 @@ def confidence_interval(values: Array, confidence: float = 0.95) -> tuple[float,
         return mean, mean
     variance = sum(side.var(ddof=1) / len(side) for side in means)
     freedom = min(len(side) for side in means) - 1
-    half = float(stdtrit(freedom, (1 + confidence) / 2) * np.sqrt(variance))
-    return mean - half, mean + half
+    return student_interval(mean, float(np.sqrt(variance)), freedom, confidence)

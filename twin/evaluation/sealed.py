@@ -20,6 +20,7 @@ from twin.errors import DivergedError
 from twin.estimation.estimator import Sensor
 from twin.estimation.knowledge import Case
 from twin.evaluation.scenarios import FARTHER, SAMPLE_TIME, Scenario, members, simulate_all, simulate_drives
+from twin.files.bounded import sha256_of
 from twin.preset import Preset, Ranges, load_preset, load_ranges, preset_names
 from twin.preset.preset import ZERO_DEVIATION_DEG
 from twin.reduced.members import draw_turns
@@ -123,7 +124,7 @@ def moments(family: str, shape: float) -> tuple[float, float]:
 
 @dataclasses.dataclass(frozen=True)
 class SealedSensor:
-    """A sensor of one condition; filters are told `variance_deg2` and `zero_deviation_deg`.
+    """A sensor of one condition; filters know `variance_deg2` and `zero_deviation_deg`.
 
     Attributes:
         kind: a family of `FAMILIES`, or a kind of errors of `LEVELS`.
@@ -171,7 +172,7 @@ class SealedCondition:
     Attributes:
         drive: endoscope and command from the straight, resting endoscope on.
         begin: number of its samples before the record: the history.
-        from_rest: whether the record begins at rest, which the methods are told.
+        from_rest: whether the record begins at rest, which methods know.
         sensor: the sensor.
         initial_error_deg: error of the initial estimate [deg].
     """
@@ -215,9 +216,14 @@ class SealedCondition:
 
 def sealed_seed(files: Sequence[Path], number: int) -> int:
     """Return the seed of a test set: a hash of what the files under test hold, in any order, and a number."""
-    hashes = sorted(hashlib.sha256(path.read_bytes()).hexdigest() for path in files)
+    hashes = sorted(map(sha256_of, files))
     text = " ".join([*hashes, str(number)])
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8])
+
+
+def test_set_name(seed: int) -> str:
+    """Return the name of the test set of a seed."""
+    return f"{seed:016x}"
 
 
 def draw_conditions(
@@ -340,7 +346,7 @@ def simulate_conditions(conditions: Sequence[SealedCondition], sample_time: floa
 
 def simulate_members(
     condition: SealedCondition, preset: Preset, ranges: Ranges, count: int, seed: int, sample_time: float
-) -> Array:
+) -> NDArray[np.float32]:
     """Return the angles (M, N) [deg] of an ensemble along the record of a condition, at T [s].
 
     The members begin at rest, or each after a history of its own.

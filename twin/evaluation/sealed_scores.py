@@ -14,7 +14,7 @@ from twin.errors import DivergedError
 from twin.estimation.knowledge import IntervalEstimator
 from twin.estimation.registry import source_of
 from twin.evaluation.method import Method
-from twin.evaluation.metrics import confidence_interval, error_indices, geometric_mean, interval_indices
+from twin.evaluation.metrics import error_indices, geometric_mean, interval_indices
 from twin.evaluation.protocol import SEALED, STEADY_SECONDS
 from twin.evaluation.ranking import Ranking, competes, rank_conditions, ratio_over_conditions
 from twin.evaluation.score import Score
@@ -169,7 +169,7 @@ def sealed_scores(
                     given=method.given,
                     **indices | {"rmse_deg": rank.rmse_deg},
                     rmse_steady_deg=float(geometric_mean(figures.steady[:, chosen].mean(axis=(0, 2)))),
-                    rmse_ci95_deg=rank.rmse_ci95_deg or confidence_interval(np.array([rank.rmse_deg])),
+                    rmse_ci95_deg=rank.rmse_ci95_deg or (rank.rmse_deg, rank.rmse_deg),
                     seeds=figures.steady.shape[2],
                     training_rmse_deg=tuple(of_trainings.tolist()) if method.others else (),
                     to_best_ci95=rank.to_best_ci95,

@@ -54,12 +54,17 @@ def make_ensembles(
             drives = members(preset, ranges, pull, count, seed, first=first)
             episodes = simulate_drives(drives, physics=physics)
             bend = np.array([episode.truth_deg for episode in episodes if episode is not None], np.float32)
-            buffer = io.BytesIO()
-            np.savez(buffer, pull_mm=pull * 1e3, bend_deg=bend, sample_time=SAMPLE_TIME)
-            write_whole(path, buffer.getvalue())
+            write_ensemble(path, pull * 1e3, bend, SAMPLE_TIME)
         paths.append(path)
         on_progress(finished, len(pulls))
     return paths
+
+
+def write_ensemble(path: Path, pull_mm: Array, bend_deg: NDArray[np.float32], sample_time: float) -> None:
+    """Write an ensemble along a command: pulls (N,) [mm] and angles (members, N) [deg] at T [s]."""
+    buffer = io.BytesIO()
+    np.savez(buffer, pull_mm=pull_mm, bend_deg=bend_deg, sample_time=sample_time)
+    write_whole(path, buffer.getvalue())
 
 
 def bounds(

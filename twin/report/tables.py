@@ -19,7 +19,6 @@ from twin.evaluation.paper import TABLES, PaperTable, noise_label, paper_value
 from twin.evaluation.protocol import RECORDED, SUITES, Condition
 from twin.evaluation.ranking import MethodRank, Ranking, competes
 from twin.evaluation.score import Group, Score, mean_coverage, rmse_by
-from twin.evaluation.sealed_scores import Sealed
 from twin.files.atomic import MADE_BY
 from twin.signals.noise import noise_variance
 
@@ -347,7 +346,7 @@ def overall_table(scores: Sequence[Score], sample_time_s: float, costs: Mapping[
         errors += [limits[method]] if limits else []
         minutes = None if cost.training_s is None else cost.training_s / 60
         figures = ((minutes, ".1f"), (cost.parameters, "d"), (cost.sample_us, ".0f"))
-        line = [methods[method][0].label, *(_figure(error, ".2f") for error in errors), _percent(coverage)]
+        line = [methods[method][0].label, *(_figure(error, ".2f") for error in errors), percent(coverage)]
         lines.append([*line, str(methods[method][0].trainings), *(_figure(*of) for of in figures)])
     headers = ["method", *map(twin_name, twins), "all", *(["times the limit"] if limits else [])]
     headers += ["coverage [%]", "trainings", "a training [min]", "parameters", "a sample [µs]"]
@@ -358,7 +357,8 @@ def _figure(value: float | None, form: str) -> str:
     return "-" if value is None else f"{value:{form}}"
 
 
-def _percent(share: float | None) -> str:
+def percent(share: float | None) -> str:
+    """Return a share in percent, without decimals; a dash for an unknown one."""
     return _figure(None if share is None else 100 * share, ".0f")
 
 
@@ -501,76 +501,15 @@ def _condition_table(scores: Sequence[Score]) -> str:
     for score in sorted(scores, key=lambda of: of.rmse_deg):
         spec = method_spec(score.method)
         line = [score.label, spec.knows if spec else "-", _rmse(score), _ends(score.to_best_ci95)]
-        line += [f"{score.rmse_steady_deg:.3f}", _percent(score.coverage95)]
+        line += [f"{score.rmse_steady_deg:.3f}", percent(score.coverage95)]
         lines.append([*line, _figure(score.width95_deg, ".2f")])
     headers = ["method", "knows", "RMSE [deg]", "times the best", "after 5 s [deg]"]
     return aligned_table(lines, [*headers, "coverage [%]", "width [deg]"], left=2)
 
 
-def sealed_rows(scores: Sequence[Score], summaries: Mapping[str, Sealed | None]) -> list[Row]:
-    """Return a row of each method of the sealed suite, the least error first; unknown values are None."""
-    rows = []
-    first = [score for score in scores if score.group == scores[0].group]
-    for score in sorted(first, key=lambda of: of.rmse_deg):
-        summary, spec = summaries.get(score.method), method_spec(score.method)
-        known = summary is not None and is_deployable(score)
-        of_rival = dataclasses.asdict(summary) if summary is not None and known else {}
-        low, high = of_rival.get("ratio_ci95", (None, None))
-        rows.append(
-            {"method": score.label, "knows": spec.knows if spec else ""}
-            | {"rmse_deg": score.rmse_deg}
-            | dict(zip(("rmse_low_deg", "rmse_high_deg"), score.rmse_ci95_deg, strict=True))
-            | {"rmse_steady_deg": score.rmse_steady_deg}
-            | {"rival": of_rival.get("rival"), "ratio": of_rival.get("ratio")}
-            | {"ratio_low": low, "ratio_high": high}
-            | {"worse": of_rival.get("worse"), "honest": of_rival.get("honest")}
-            | {"coverage95": score.coverage95, "trainings": score.trainings}
-            | {of.twin: of.rmse_deg for of in scores if of.method == score.method and of.group != score.group}
-        )
-    return rows
-
-
-def sealed_csv(rows: Sequence[Row]) -> str:
-    """Return the rows of `sealed_rows` as CSV."""
-    return _csv(rows)
-
-
-def sealed_tables(rows: Sequence[Row], counts: Mapping[str, int]) -> str:
-    """Return the tables of `sealed_rows` in Markdown; `counts` are the conditions of each kind."""
-
-    def ratio(row: Row) -> str:
-        if row["rival"] is None:
-            return "-"
-        return f"{row['ratio']:.2f} ({row['ratio_low']:.2f} to {row['ratio_high']:.2f}) of {row['rival']}"
-
-    lines = [
-        [
-            *(row["method"], row["knows"]),
-            f"{row['rmse_deg']:.2f} ({row['rmse_low_deg']:.2f} to {row['rmse_high_deg']:.2f})",
-            *(f"{row['rmse_steady_deg']:.2f}", ratio(row)),
-            *(_percent(row[name]) for name in ("worse", "honest", "coverage95")),
-            str(row["trainings"]),
-        ]
-        for row in rows
-    ]
-    headers = ["method", "knows", "RMSE [deg]", "after 5 s [deg]", "times the best other", "worse [%]"]
-    headers += ["honest [%]", "coverage [%]", "trainings"]
-    of_kinds = [[row["method"], *(f"{row[kind]:.2f}" for kind in counts)] for row in rows]
-    return "\n\n".join(
-        [
-            "RMSE: geometric mean over conditions, from the second sample on. Worse: conditions in which the "
-            "best other method has a smaller error. Honest: conditions in which a stated 95 % interval "
-            "covers 90 to 98 % of the samples. Intervals: 95 %, over conditions and trainings.",
-            aligned_table(lines, headers, left=2),
-            "RMSE [deg] on each kind of condition (and how many there are):",
-            aligned_table(of_kinds, ["method", *(f"{kind} ({count})" for kind, count in counts.items())]),
-        ]
-    )
-
-
 def scores_csv(scores: Sequence[Score]) -> str:
     """Return the scores as CSV, a line each; unknown values are empty."""
-    return _csv(list(map(_score_row, scores)))
+    return csv_text(list(map(_score_row, scores)))
 
 
 def _score_row(score: Score) -> Row:
@@ -597,13 +536,14 @@ def _score_row(score: Score) -> Row:
 
 def costs_csv(costs: Mapping[str, Cost]) -> str:
     """Return the costs as CSV, a line for each method; unknown values are empty."""
-    return _csv([{"method": method} | dataclasses.asdict(cost) for method, cost in costs.items()])
+    return csv_text([{"method": method} | dataclasses.asdict(cost) for method, cost in costs.items()])
 
 
-def _csv(rows: Sequence[Row]) -> str:
+def csv_text(rows: Sequence[Row], digits: int = 4) -> str:
+    """Return rows with the same keys as CSV, numbers with so many digits; unknown values are empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(rows[0])
+    writer.writerow(rows[0] if rows else [])
     for row in rows:
-        writer.writerow(f"{cell:.4g}" if isinstance(cell, float) else cell for cell in row.values())
+        writer.writerow(f"{cell:.{digits}g}" if isinstance(cell, float) else cell for cell in row.values())
     return text.getvalue()
