@@ -70,7 +70,7 @@ def test_a_condition_does_not_depend_on_how_many_there_are(conditions):
 @pytest.mark.parametrize("share", [0.2, 0.9])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_family_has_the_stated_variance_and_mean(family, share, sign):
-    low, high = FAMILIES[family][1]
+    low, high = FAMILIES[family].shapes
     level = max(low + share * (high - low), 5.0 if family == "student-t" else 0.0)
     sensor = sensor_of(family, level, sign=sign, zero_deg=1.5, correlation_s=0.05)
     errors = sensor.errors(np.zeros(200_000), T, np.random.default_rng(1))

@@ -10,7 +10,7 @@ import dataclasses
 import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from twin.preset.preset import ZERO_DEVIATION_DEG
 from twin.reduced.members import draw_turns
 from twin.signals.excitation import SIGNALS, command, paths_to
 from twin.signals.noise import DITHER_DEG2, SENSORS, noise_variance
+from twin.signals.sensor_errors import with_memory
 from twin.signals.streams import SeedUse, random_stream
 
 Array = NDArray[np.float64]
@@ -87,39 +88,45 @@ def _to_one_side(share: float, count: int, rng: np.random.Generator) -> Array:
     return noise
 
 
-FAMILIES: dict[str, tuple[Draw, tuple[float, float]]] = {
-    "gaussian": (lambda _, count, rng: rng.standard_normal(count), (1.0, 1.0)),
-    "exponential power": (_exponential_power, (0.7, 8.0)),  # 1: Laplace, 2: Gaussian; even, for large ones
-    "student-t": (lambda freedom, count, rng: rng.standard_t(freedom, count), (2.5, 30.0)),
-    "gamma": (lambda shape, count, rng: rng.gamma(shape, 1.0, count), (0.5, 20.0)),
-    "poisson-dithered": (
-        lambda rate, count, rng: rng.poisson(rate, count) + rng.uniform(-0.5, 0.5, count),
-        (0.1, 10.0),
-    ),
-    "outliers": (_outliers, (0.01, 0.2)),
-    "one-sided mixture": (_to_one_side, (0.05, 0.4)),
-}
-"""Families of noise: a draw, of any mean and variance, and the range of its shape, which is log-uniform."""
+class Family(NamedTuple):
+    """Family of noise: a draw of a shape, the range of that, which is log-uniform, and what the draw has."""
+
+    draw: Draw
+    shapes: tuple[float, float]
+    moments: Callable[[float], tuple[float, float]]  # mean and variance of a shape
 
 
-def moments(family: str, shape: float) -> tuple[float, float]:
-    """Return the mean and the standard deviation of a family of noise."""
+def _exponential_power_moments(power: float) -> tuple[float, float]:
     from scipy.special import gamma  # imported when used
 
-    if family == "exponential power":
-        return 0.0, float(np.sqrt(gamma(3 / shape) / gamma(1 / shape)))
-    if family == "student-t":
-        return 0.0, float(np.sqrt(shape / (shape - 2)))
-    if family == "gamma":
-        return shape, float(np.sqrt(shape))
-    if family == "poisson-dithered":
-        return shape, float(np.sqrt(shape + DITHER_DEG2))
-    if family == "outliers":
-        return 0.0, float(np.sqrt(1 - shape + shape * OUTLIER**2))
-    if family == "one-sided mixture":
-        mean = shape * ASIDE * np.sqrt(2 / np.pi)
-        return float(mean), float(np.sqrt(1 - shape + shape * ASIDE**2 - mean**2))
-    return 0.0, 1.0
+    return 0.0, float(gamma(3 / power) / gamma(1 / power))
+
+
+def _one_sided_moments(share: float) -> tuple[float, float]:
+    mean = share * ASIDE * float(np.sqrt(2 / np.pi))
+    return mean, 1 - share + share * ASIDE**2 - mean**2
+
+
+FAMILIES = {
+    "gaussian": Family(lambda _, count, rng: rng.standard_normal(count), (1.0, 1.0), lambda _: (0.0, 1.0)),
+    # 1: Laplace, 2: Gaussian; even, for large ones
+    "exponential power": Family(_exponential_power, (0.7, 8.0), _exponential_power_moments),
+    "student-t": Family(
+        lambda freedom, count, rng: rng.standard_t(freedom, count),
+        (2.5, 30.0),
+        lambda freedom: (0.0, freedom / (freedom - 2)),
+    ),
+    "gamma": Family(
+        lambda shape, count, rng: rng.gamma(shape, 1.0, count), (0.5, 20.0), lambda shape: (shape, shape)
+    ),
+    "poisson-dithered": Family(
+        lambda rate, count, rng: rng.poisson(rate, count) + rng.uniform(-0.5, 0.5, count),
+        (0.1, 10.0),
+        lambda rate: (rate, rate + DITHER_DEG2),
+    ),
+    "outliers": Family(_outliers, (0.01, 0.2), lambda share: (0.0, 1 - share + share * OUTLIER**2)),
+    "one-sided mixture": Family(_to_one_side, (0.05, 0.4), _one_sided_moments),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,13 +160,10 @@ class SealedSensor:
         if self.kind in LEVELS:
             return SENSORS[self.kind].draw(self.level, bend_deg, sample_time, rng) + self.zero_deg
         count = len(bend_deg)
-        draw, _ = FAMILIES[self.kind]
-        mean, deviation = moments(self.kind, self.level)
-        noise = self.sign * (draw(self.level, count, rng) - mean) / deviation
-        if self.correlation_s > 0:
-            keep = np.exp(-sample_time / self.correlation_s)
-            for k in range(1, count):
-                noise[k] = keep * noise[k - 1] + np.sqrt(1 - keep**2) * noise[k]
+        family = FAMILIES[self.kind]
+        mean, variance = family.moments(self.level)
+        noise = self.sign * (family.draw(self.level, count, rng) - mean) / np.sqrt(variance)
+        noise = with_memory(noise, self.correlation_s, sample_time)
         noise[round(self.changes_at * count) :] *= self.change
         errors: Array = np.sqrt(self.variance_deg2) * noise + self.zero_deg
         return errors
@@ -303,7 +307,7 @@ def draw_noise_sensor(
 ) -> SealedSensor:
     """Draw a sensor with a family of noise, and its R [deg^2] if that is None."""
     kind = str(rng.choice(list(FAMILIES)))
-    level = log_uniform(FAMILIES[kind][1], rng)
+    level = log_uniform(FAMILIES[kind].shapes, rng)
     return SealedSensor(
         kind,
         level,

@@ -48,6 +48,15 @@ def _white(samples: int, variance: float, rng: np.random.Generator) -> Array:
     return noise
 
 
+def with_memory(white: Array, seconds: float, sample_time: float) -> Array:
+    """Return noise (N,) of the same variance whose correlation falls to 1/e in a time; zero: the same."""
+    keep = np.exp(-sample_time / seconds) if seconds > 0 else 0.0
+    noise = white.copy()
+    for k in range(1, len(white)):
+        noise[k] = keep * noise[k - 1] + np.sqrt(1 - keep**2) * white[k]
+    return noise
+
+
 def _drifting(level: float, bend_deg: Array, T: float, rng: np.random.Generator) -> Array:
     """Add a bias that walks: its standard deviation is `level` deg after a minute."""
     drift = np.cumsum(level * np.sqrt(T / 60) * rng.standard_normal(len(bend_deg)))
@@ -56,13 +65,7 @@ def _drifting(level: float, bend_deg: Array, T: float, rng: np.random.Generator)
 
 def _correlated(level: float, bend_deg: Array, T: float, rng: np.random.Generator) -> Array:
     """Draw noise whose correlation falls to 1/e in `level` seconds: autoregressive, of first order."""
-    white = _white(len(bend_deg), KNOWN_DEG2, rng)
-    keep = np.exp(-T / level) if level > 0 else 0.0
-    noise = np.empty_like(white)
-    noise[0] = white[0]
-    for k in range(1, len(white)):
-        noise[k] = keep * noise[k - 1] + np.sqrt(1 - keep**2) * white[k]
-    return noise
+    return with_memory(_white(len(bend_deg), KNOWN_DEG2, rng), level, T)
 
 
 def _mixed(level: float, bend_deg: Array, T: float, rng: np.random.Generator) -> Array:
