@@ -188,3 +188,25 @@ def test_a_run_of_the_full_suite_becomes_files(tmp_path):
     assert {row["best method"] for row in read_data(tmp_path / "data/better_cells.csv").values()} == {"AM"}
     assert read_data(tmp_path / "data/rmse_groups.csv")["AM"]["the preset [-1; 1] mm"] == "1.5"
     assert "# command: endotwin evaluate --suite full" in (tmp_path / "data/scores.csv").read_text()
+
+
+def test_a_comparison_of_controllers_becomes_files(tmp_path):
+    def total(controller, condition, rmse_deg, oracle=False):
+        more = {"worst_twin_rmse_deg": 2 * rmse_deg, "travel_mm": 5.0, "holding_reversals_per_s": 0.1}
+        facts = {"controller": controller, "condition": condition, "oracle": oracle}
+        return facts | more | {"rmse_deg": rmse_deg, "percent_of_uncompensated": 50.0}
+
+    totals = [total("pid", "all conditions", 2.0), total("oracle", "all conditions", 0.5, oracle=True)]
+    totals += [total("line", "all conditions", 4.0), total("pid", "1", 2.0), total("line", "1", 1.0)]
+    against = {"condition": "all conditions", "rival": "line", "reduction": 0.5, "reduction_ci95": [0.4, 0.6]}
+    tuned = [{"controller": "pid", "settings": {"lead_s": lead}} for lead in (0.1, 0.3)]
+    origin = {"command": "endotwin control", "versions": {"endotwin": "0.1.0"}, "data": []}
+    values = {"control": {"test_set": "ab"}, "totals": totals, "comparisons": [against], "tuned": tuned}
+    (tmp_path / "control.json").write_text(json.dumps(values | {"origin": origin}))
+    (tmp_path / "data").mkdir()
+    write_comparison(tmp_path, tmp_path / "data", "0123")
+    rows = read_data(tmp_path / "data/control_sealed_totals.csv")
+    assert [row["best in"] for row in rows.values()] == ["0", "0", "1"]
+    assert (rows["pid"]["largest lead [s]"], rows["line"]["high"], rows["pid"]["low"]) == ("0.30", "60", "")
+    under = read_data(tmp_path / "data/control_sealed.csv")["1"]
+    assert (under["line"], under["line, worst"], under["oracle"]) == ("1.00", "2.00", "")

@@ -1,4 +1,4 @@
-"""Files of docs/data from a folder of `evaluate --suite full` or `sealed`."""
+"""Files of docs/data from a folder of `evaluate --suite full` or `sealed`, or of `control`."""
 
 import csv
 import datetime
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from twin.control.results import POOLED
 from twin.errors import InputError
 from twin.evaluation.paper import noise_label
 from twin.evaluation.ranking import competes
@@ -19,6 +20,7 @@ from twin.report.tables import csv_text
 LIMIT, REFERENCE = "Ensemble (limit)", "RAM (twins)"
 _ITS_PARTS = "RAM (twins), "  # how the names of rows without a part of it begin
 SAMPLE_TIME = 0.1  # of the published tables [s]
+_LESS = ("less error by members-inverse [%]", "low", "high")
 _SHORT = {"nominal": "the preset"}
 
 Score = Mapping[str, str]
@@ -27,19 +29,27 @@ Score = Mapping[str, str]
 def write_comparison(results: Path, data: Path, commit: str) -> None:
     """Write scores.csv, costs.csv and the tables of the comparison into `data`; `commit` made the run.
 
-    Of the sealed suite, write sealed.csv, with the test set and how many were tried.
+    Of the sealed suite, write sealed.csv, with the test set and how many were tried. Of a comparison of
+    controllers, write the totals of all conditions, or of the first, and the errors under each.
     """
-    evaluation = json.loads((results / "evaluation.json").read_text())
+    names = ("control.json", "evaluation.json")
+    path = next((path for name in names if (path := results / name).is_file()), results / names[-1])
+    evaluation = json.loads(path.read_text())
     origin = stated_origin(evaluation)
     if origin is None:
-        raise InputError(f"{results}/evaluation.json states no origin")
-    time = (results / "evaluation.json").stat().st_mtime
+        raise InputError(f"{path} states no origin")
+    time = path.stat().st_mtime
     stated = {
         "commit": commit,
         "command": origin.command,
         "date": datetime.date.fromtimestamp(time).isoformat(),
         "versions": " ".join(f"{name} {version}" for name, version in origin.versions.items()),
     }
+    if "control" in evaluation:
+        name = "control_sealed" if evaluation["control"].get("test_set") else "control"
+        write_whole(data / f"{name}_totals.csv", _head(stated) + controllers(evaluation))
+        write_whole(data / f"{name}.csv", _head(stated) + conditions(evaluation["totals"]))
+        return
     sealed = results / "sealed.csv"
     if sealed.is_file():
         of = evaluation["protocol"]
@@ -112,6 +122,55 @@ def better_cells(scores: Sequence[Score]) -> str:
                 | {REFERENCE: ours["rmse_deg"]}
             )
     return csv_text(lines)
+
+
+def controllers(values: Mapping[str, Any]) -> str:
+    """Return the totals of each controller: of all sealed conditions, or of the first one."""
+    totals = values["totals"]
+    first = totals[0]["condition"]
+    best: dict[str, tuple[float, str]] = {}  # by condition
+    for of in totals:
+        if not of["oracle"] and of["condition"] != POOLED:
+            mine = (of["rmse_deg"], of["controller"])
+            best[of["condition"]] = min(mine, best.get(of["condition"], mine))
+    winners = [name for _, name in best.values()]
+    less = {of["rival"]: of for of in values["comparisons"] if of["condition"] == first}
+    leads: dict[str, float] = {}
+    for of in values["tuned"]:
+        lead = of["settings"].get("lead_s", 0.0)
+        leads[of["controller"]] = max(lead, leads.get(of["controller"], 0.0))
+    lines = []
+    for of in [of for of in totals if of["condition"] == first]:
+        name = of["controller"]
+        against = less.get(name)
+        percent = (against["reduction"], *against["reduction_ci95"]) if against else ()
+        lines.append(
+            {
+                "controller": name,
+                "RMSE [deg]": f"{of['rmse_deg']:.2f}",
+                "worst endoscope": f"{of['worst_twin_rmse_deg']:.2f}",
+                "percent of uncompensated": f"{of['percent_of_uncompensated']:.1f}",
+                "best in": str(winners.count(name)),
+                "travel [mm]": f"{of['travel_mm']:.1f}",
+                "reversals per second while held": f"{of['holding_reversals_per_s']:.2f}",
+            }
+            | dict(zip(_LESS, [f"{100 * end:.0f}" for end in percent] or [""] * 3, strict=True))
+            | {"largest lead [s]": f"{leads[name]:.2f}" if leads.get(name) else ""}
+        )
+    return csv_text(lines)
+
+
+def conditions(totals: Sequence[Mapping[str, Any]]) -> str:
+    """Return the error of each controller under each condition, and that of the worst endoscope."""
+    names = dict.fromkeys(of["controller"] for of in totals)
+    none = {column: "" for name in names for column in (name, f"{name}, worst")}
+    lines: dict[str, dict[str, str]] = {}
+    for of in totals:
+        name, condition = of["controller"], of["condition"]
+        line = lines.setdefault(condition, {"condition": condition} | none)
+        line[name] = f"{of['rmse_deg']:.2f}"
+        line[f"{name}, worst"] = f"{of['worst_twin_rmse_deg']:.2f}"
+    return csv_text(list(lines.values()))
 
 
 def _by_method(scores: Sequence[Score]) -> dict[str, list[Score]]:

@@ -177,6 +177,7 @@ def with_percentages(lines: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 RESULTS = "control.json"
 RECORDS = "records"
+POOLED = "all conditions"
 RECORD_SIGN = "tracking_rmse_deg"  # metadata that no other recording has
 
 
@@ -186,9 +187,7 @@ def pooled(results: Sequence[ControlResult]) -> list[ControlResult]:
     for name in dict.fromkeys(of.controller for of in results):
         mine = [of for of in results if of.controller == name]
         measures = {of: np.concatenate([each.measures[of] for each in mine], axis=1) for of in MEASURES}
-        found.append(
-            ControlResult(name, ControlCondition("all conditions"), mine[0].strokes_mm, measures, {})
-        )
+        found.append(ControlResult(name, ControlCondition(POOLED), mine[0].strokes_mm, measures, {}))
     return found
 
 
