@@ -11,9 +11,9 @@ from calibrating import changed
 from twin.calibration import compared, figure, uncertainty
 from twin.calibration.compared import compare
 from twin.calibration.figure import fit_figure
-from twin.calibration.files import fit_report, log_summary, write_fit
+from twin.calibration.files import fit_report, log_summary, with_sheaths_of, write_fit
 from twin.errors import InputError
-from twin.preset.file import load_preset
+from twin.preset import Ranges, load_preset, load_ranges
 
 
 def test_report_compares_with_each_log_and_draws_it(fitted):
@@ -30,6 +30,21 @@ def test_report_compares_with_each_log_and_draws_it(fitted):
     np.testing.assert_allclose(measured, np.degrees(logs[0].episode.bend))
     np.testing.assert_allclose(simulated, np.degrees(both[0].episode.bend), atol=0.05)
     np.testing.assert_allclose(axes[2].lines[-1].get_ydata(), simulated - measured, atol=1e-9)
+
+
+def test_twins_of_a_calibrated_preset_have_the_sheath_bends_of_its_logs(fitted, tmp_path):
+    _, logs, fit, _ = fitted
+    write_fit(tmp_path / "p.yaml", fit, logs, [], 0)
+    assert load_preset(tmp_path / "p.yaml").sheath_bend == 0.75
+    assert ("sheath_bend", 0.0, 1.5) in load_ranges(str(tmp_path / "p.yaml")).limits
+
+
+def test_sheath_bend_has_no_range_where_logs_share_it_or_do_not_all_state_it(fitted):
+    _, (straight, bent), fit, _ = fitted
+    unstated = changed(straight, sheath_bend=np.empty(0))
+    for logs, bend in [([bent, bent], 1.5), ([unstated, bent], fit.preset.sheath_bend)]:
+        preset, ranges = with_sheaths_of(fit.preset, Ranges(()), logs)
+        assert (preset.sheath_bend, ranges.limits) == (bend, ())
 
 
 def none_of_it(*args, **options):

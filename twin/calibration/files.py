@@ -160,13 +160,27 @@ def write_fit(
         fit = dataclasses.replace(fit, preset=steady(fit.preset, shown))
     known = uncertainty(fit)
     fit = dataclasses.replace(fit, preset=with_sensor(fit, loops, known))
-    write_whole(out, preset_yaml(fit.preset, likely_ranges(fit, known), [loop.name for loop in loops]))
+    preset, ranges = with_sheaths_of(fit.preset, likely_ranges(fit, known), loops)
+    write_whole(out, preset_yaml(preset, ranges, [loop.name for loop in loops]))
     logs = compare(fit.preset, shown, seed, rivals)
     values = fit_report(fit, known, logs, seed) | ({"origin": dict(origin)} if origin else {})
     report, figure = report_files(out)
     write_whole(report, json.dumps(values, indent=2) + "\n")
     write_whole(figure, to_png_bytes(fit_figure(logs)))
     return values
+
+
+def with_sheaths_of(preset: Preset, ranges: Ranges, loops: Sequence[MeasuredLoop]) -> tuple[Preset, Ranges]:
+    """Return a fitted preset and its ranges with the sheath bends of the logs: their middle, and all between.
+
+    Where a log does not state its bend, the fit rests on that of the preset, which stays.
+    """
+    bends = [loop.sheath_bend for loop in loops if loop.sheath_bend is not None]
+    if len(bends) < len(loops):
+        return preset, ranges
+    low, high = min(bends), max(bends)
+    limits = (*ranges.limits, ("sheath_bend", low, high)) if low < high else ranges.limits
+    return preset.replace(sheath_bend=(low + high) / 2), Ranges(limits)
 
 
 def with_sensor(fit: Fit, loops: Sequence[MeasuredLoop], known: Uncertainty) -> Preset:
