@@ -305,8 +305,8 @@ class LearnedGainAndBias(LearnedGain):
 class RecursiveGain(LearnedGain):
     """Gains K, and a covariance P = (I - K H) F P F' (I - K H)' + L L', with a triangular L from the network.
 
-    Nothing ties L L' to K R K': a gain of 1 would leave P at R whatever the errors. The first L is sqrt(R), since
-    the likelihood of a smaller one is so steep that the gain saturates.
+    Nothing ties L L' to K R K': P would be R at a gain of 1, whatever the errors. The first L is sqrt(R),
+    since the likelihood of a smaller one is so steep that the gain saturates.
     """
 
     by_likelihood = True
