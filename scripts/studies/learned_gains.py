@@ -30,6 +30,7 @@ from scripts.benchmarks.linear_system import (
     Bodies,
     LinearSource,
     decibels,
+    first_rate,
     kalman_filter,
     learn_gains,
     learned_estimates,
@@ -61,7 +62,7 @@ COLUMNS = (
 class LearnedGains(Options):
     """Train learned gains on the linear system, and write how near they come to the Kalman filter."""
 
-    updates: int = 250
+    updates: int = 200
     """Gradient steps of each training with its authors' sizes."""
     out: Path = ROOT / DATA / "learned_gains_linear.csv"
     """File to write."""
@@ -240,7 +241,7 @@ def learned_gains(args: LearnedGains) -> Summary:
             learn_gains(step, source, UPDATES_OF_OURS)
             return step
 
-        described = str(rival.width), "Adam 0.01 to 0, batch 128"
+        described = str(rival.width), f"Adam {first_rate(rival.untrained()):g} to 0, batch 128"
         rows.append(row(rival.spec.name, described, train))
     versions = " ".join(f"{name} {version(name)}" for name in ("endotwin", "numpy", "torch"))
     command = f"python -m scripts.studies.learned_gains --updates {args.updates}"
