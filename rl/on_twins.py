@@ -65,7 +65,7 @@ RIVALS = {
         Rival(methods.STATE_SPACE_TWINS, Correction, StateSpace, (64, 96), 3e-3, 64),
         Rival(methods.KALMAN_NET_TWINS, LearnedGain, GatedUnit, (48, 72), 1e-2, 48),
         Rival(methods.BIASED_KALMAN_NET_TWINS, LearnedGainAndBias, GatedUnit, (48, 72), 1e-2, 48),
-        Rival(methods.RECURSIVE_KALMAN_NET_TWINS, RecursiveGain, GatedUnit, (48, 72), 3e-3, 48),
+        Rival(methods.RECURSIVE_KALMAN_NET_TWINS, RecursiveGain, GatedUnit, (48, 72), 1e-2, 48),
     )
 }
 """By name of the method."""

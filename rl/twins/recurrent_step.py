@@ -6,8 +6,8 @@ inputs and one memory cell. They differ in their output:
 - `Correction`: the correction of the prediction, in units of sqrt(R). A network that filters.
 - `LearnedGain`: the gains of theta and of f on the innovation (KalmanNet, Revach et al. 2022). It may output
   the mean of the noise too, which is subtracted.
-- `RecursiveGain`: the gains, and the growth of the variance of the prediction. The variance follows Joseph's
-  form; gains and variance are learned by likelihood (Recursive KalmanNet, Mortada et al. 2025).
+- `RecursiveGain`: the gains, and what a sample adds to the covariance of theta and f. The covariance follows
+  Joseph's form; gains and covariance are learned by likelihood (Recursive KalmanNet, Mortada et al. 2025).
 
 A state of zeros has seen nothing: the first measurement is then the first prediction.
 """
@@ -126,7 +126,7 @@ class Convolution(MemoryCell):
 
 
 SEEN = 12  # numbers that a network sees
-VALUES = 7  # numbers of a filter that are no memory of its network
+VALUES = 6  # numbers of a filter that are neither a memory of its network nor a covariance
 FIRST_SPREAD = 0.3
 """Standard deviation that an interval starts from where none is computed, in units of sqrt(R)."""
 LARGEST_BIAS = 4.0  # of the mean of the noise in units of sqrt(R)
@@ -135,8 +135,8 @@ LARGEST_BIAS = 4.0  # of the mean of the noise in units of sqrt(R)
 class RecurrentState(NamedTuple):
     """State of B filters."""
 
-    # (B, VALUES) theta [deg], f [deg / s], last measurement [deg], latest correction of theta [deg] and of f
-    # [deg / s], last innovation in units of sqrt(R), variance of theta in units of R
+    # (B, VALUES + covariances) theta [deg], f [deg / s], last measurement [deg], latest correction of theta
+    # [deg] and of f [deg / s], last innovation in units of sqrt(R), covariance as in `Sample`
     values: Tensor
     hidden: Tensor  # (B, size) memory of the cell
     samples: Tensor  # (B,) measured so far
@@ -146,9 +146,12 @@ class Sample(NamedTuple):
     """Sample as it is before the network's update."""
 
     innovation: Tensor  # (B,) [deg]
-    spread: Tensor  # (B,) variance of theta before it, in units of R
+    # (B,) each in units of R: variance of theta before it; where it is propagated, covariance of theta and f
+    # [1 / s] and variance of f [1 / s^2]
+    covariance: tuple[Tensor, ...]
     keep: Tensor  # (B,) what a step of the model keeps of the angle
     root: Tensor  # (B,) sqrt(R) [deg]
+    T: Tensor  # (B,) sample time [s]
     seen: Tensor  # (B,) 1 where something was measured
 
 
@@ -157,7 +160,7 @@ class Update(NamedTuple):
 
     bend_deg: Tensor  # (B,) what is added to theta [deg]
     error: Tensor  # (B,) what is added to f [deg / s]
-    spread: Tensor  # (B,) variance of theta after it, in units of R
+    covariance: tuple[Tensor, ...]  # as in `Sample`, after it
     bias: Tensor  # (B,) mean of the noise, in units of sqrt(R)
     bias_variance: Tensor  # (B,) how sure that is, in units of R
 
@@ -168,6 +171,8 @@ class RecurrentStep(FilterStep):
     actions = 0
     outputs: int
     """Numbers of the network's output."""
+    covariances = 1
+    """Numbers of the covariance."""
     unsure = 1.0
     """Variance that is stated of the mean of the noise, in units of R, in addition to the output."""
 
@@ -183,8 +188,8 @@ class RecurrentStep(FilterStep):
     def start(self, zero_deviation: Tensor) -> RecurrentState:
         """Return the state before anything is measured, see `FilterStep.start`."""
         batch = len(zero_deviation)
-        zeros = torch.zeros(batch, VALUES), torch.zeros(batch, self.cell.size), torch.zeros(batch)
-        return RecurrentState(*zeros)
+        values = torch.zeros(batch, VALUES + self.covariances)
+        return RecurrentState(values, torch.zeros(batch, self.cell.size), torch.zeros(batch))
 
     def forward(
         self,
@@ -204,7 +209,7 @@ class RecurrentStep(FilterStep):
         """
         network_on, bias_on = parts.split(1)
         root, T = torch.sqrt(variance), sample_time
-        theta, error, last, of_theta, of_error, before, spread = (
+        theta, error, last, of_theta, of_error, before, spread, *others = (
             of[:, 0] for of in state.values.split(1, dim=1)
         )
         is_seen = ~torch.isnan(measurement_deg)
@@ -239,14 +244,15 @@ class RecurrentStep(FilterStep):
         hidden = state.hidden + seen[:, None] * (hidden - state.hidden)
         known = torch.cat([output, features], dim=1)
         output = self.output(known) * network_on
-        at = Sample(innovation, begun * spread + (1 - begun), keep, root, seen)
+        at = Sample(innovation, (begun * spread + (1 - begun), *others), keep, root, T, seen)
         update = self._update(output, at)
 
         bend = predicted + seen * update.bend_deg
         changed = error + seen * update.error
         values = [bend, changed, measured, seen * update.bend_deg, seen * update.error]
-        after = torch.stack([*values, before + seen * (normal.detach() - before), update.spread], dim=1)
-        deviation = root * torch.sqrt(update.spread.clamp(min=LEAST_VARIANCE) + update.bias_variance)
+        values += [before + seen * (normal.detach() - before), *update.covariance]
+        spread = update.covariance[0]
+        deviation = root * torch.sqrt(spread.clamp(min=LEAST_VARIANCE) + update.bias_variance)
         half_width = deviation * self.widen(known)
         output = Output(
             bend - bias_on * update.bias * root,
@@ -257,7 +263,7 @@ class RecurrentStep(FilterStep):
             deviation,
             known,
         )
-        return output, RecurrentState(after, hidden, state.samples + seen)
+        return output, RecurrentState(torch.stack(values, dim=1), hidden, state.samples + seen)
 
     def _update(self, output: Tensor, at: Sample) -> Update:
         """Return the update of a sample by (B, outputs) numbers of the network."""
@@ -271,7 +277,7 @@ class Correction(RecurrentStep):
 
     def _update(self, output: Tensor, at: Sample) -> Update:
         none = 0 * at.innovation
-        return Update(at.root * output[:, 0], none, none + FIRST_SPREAD**2, none, none)
+        return Update(at.root * output[:, 0], none, (none + FIRST_SPREAD**2,), none, none)
 
 
 class LearnedGain(RecurrentStep):
@@ -281,8 +287,8 @@ class LearnedGain(RecurrentStep):
 
     def _update(self, output: Tensor, at: Sample) -> Update:
         none = 0 * at.innovation
-        of_theta, of_error = _gain_of_theta(output), 2 * torch.sigmoid(output[:, 1] - 4)
-        return Update(of_theta * at.innovation, of_error * at.innovation, none + FIRST_SPREAD**2, none, none)
+        of_theta, of_error = (gain * at.innovation for gain in _gains(output))
+        return Update(of_theta, of_error, (none + FIRST_SPREAD**2,), none, none)
 
 
 class LearnedGainAndBias(LearnedGain):
@@ -297,18 +303,29 @@ class LearnedGainAndBias(LearnedGain):
 
 
 class RecursiveGain(LearnedGain):
-    """Gains, and a variance that is propagated from sample to sample."""
+    """Gains K, and a covariance P = (I - K H) F P F' (I - K H)' + L L', with a triangular L from the network.
+
+    Nothing ties L L' to K R K': P would be R at a gain of 1, whatever the errors. The first L is sqrt(R),
+    since the likelihood of a smaller one is so steep that the gain saturates.
+    """
 
     by_likelihood = True
-    outputs = 3
+    outputs, covariances = 5, 3
 
     def _update(self, output: Tensor, at: Sample) -> Update:
-        gain = _gain_of_theta(output)
-        grown = at.keep * at.keep * at.spread + torch.exp(6 * torch.tanh((output[:, 2] - 4) / 6))
-        updated = (1 - gain) ** 2 * grown + gain**2
-        return super()._update(output, at)._replace(spread=grown + at.seen * (updated - grown))
+        of_theta, of_error = (at.seen * gain for gain in _gains(output))
+        theta, both, error = at.covariance
+        theta = at.keep * (at.keep * theta + 2 * at.T * both) + at.T * at.T * error
+        both = at.keep * both + at.T * error
+        error = error + of_error * (of_error * theta - 2 * both)
+        both = (1 - of_theta) * (both - of_error * theta)
+        theta = (1 - of_theta) ** 2 * theta
+        first, last = (torch.exp(6 * torch.tanh(of / 6)) for of in (output[:, 2], output[:, 4] - 3))
+        mixed = output[:, 3]
+        covariance = theta + first * first, both + first * mixed, error + mixed * mixed + last * last
+        return super()._update(output, at)._replace(covariance=covariance)
 
 
-def _gain_of_theta(output: Tensor) -> Tensor:
-    """Return the gain of theta, in [0, 1]."""
-    return torch.sigmoid(output[:, 0] - 2)
+def _gains(output: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the gain of theta, in [0, 1], and that of f, in [0, 2] per second."""
+    return torch.sigmoid(output[:, 0] - 2), 2 * torch.sigmoid(output[:, 1] - 4)

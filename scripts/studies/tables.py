@@ -145,7 +145,7 @@ def written(text: str, data: Path) -> str:
     return FIGURE.sub(new_figure, TABLE.sub(new_table, text))
 
 
-def _head() -> str:
+def head_commit() -> str:
     """Return the hash of the present commit."""
     command = ["git", "rev-parse", "HEAD"]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
@@ -154,7 +154,7 @@ def _head() -> str:
 def tables(args: Tables) -> Summary:
     """Write all tables and figures of the documents, or name those that would change."""
     if args.results:
-        write_comparison(args.results, ROOT / DATA, args.commit or _head())
+        write_comparison(args.results, ROOT / DATA, args.commit or head_commit())
     changed = []
     for path in documents():
         text = path.read_text()

@@ -16,6 +16,7 @@ from scripts.benchmarks.linear_system import (
     learn_gains,
     learned_estimates,
 )
+from scripts.studies.learned_gains import PUBLISHED
 
 
 def bodies_of(two_widths, count=400):
@@ -62,3 +63,15 @@ def test_a_learned_gain_comes_within_half_a_decibel_of_the_best(name):
     if name.startswith("Recursive"):
         nees = np.mean(((estimates - bodies.place) / deviations)[10:] ** 2)
         assert nees == pytest.approx(1, abs=0.15)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_with_its_authors_sizes_and_settings_a_learned_gain_comes_within_a_decibel_of_the_best(name):
+    bodies = bodies_of(False)
+    best = decibels(kalman_filter(bodies, knows_width=False), bodies.place)
+    untrained, trained = (
+        decibels(learned_estimates(step, bodies)[0], bodies.place)
+        for step in (PUBLISHED[name].untrained(), PUBLISHED[name].trained(LinearSource(), updates=80))
+    )
+    assert best - 0.05 < trained < min(best + 1, untrained - 0.5)

@@ -53,3 +53,19 @@ def test_likelihood_teaches_a_variance_that_is_that_of_the_errors():
     before = ratio()
     learn_gain(step, source.draw, settings)
     assert abs(np.log(ratio())) < min(abs(np.log(before)), np.log(2.5))
+
+
+@pytest.mark.slow
+def test_likelihood_leaves_a_recursive_gain_below_one():
+    """Where first errors are many deviations, estimates are still better than the measurements."""
+    torch.manual_seed(0)
+    source = small_memory_source(("gaussian", "salt-and-pepper", "gamma"))
+    step = RIVALS["Recursive KalmanNet (twins)"].untrained()
+    learn_gain(step, source.draw, dataclasses.replace(TINY_MEMORY, updates=120, sequences=64))
+    drawn = source.draw(200, 40, generator(9), stride=5)
+    with torch.no_grad():
+        found = torch.stack([output.bend_deg for output, _ in filter_sequences(step, drawn, ALL)])
+    square, of_measurement = (
+        ((of - drawn.truth_deg)[10:] ** 2).mean(dim=0) for of in (found, drawn.measurement_deg)
+    )
+    assert torch.log(square / of_measurement).mean() < np.log(0.7)

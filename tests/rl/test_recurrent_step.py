@@ -63,29 +63,36 @@ def test_constant_gains_are_a_filter_of_constant_gains():
         np.testing.assert_allclose(outputs[:, row], by_hand(sequences, row, 0.3, 0.2), atol=2e-3)
 
 
-def test_the_variance_of_a_recursive_gain_is_that_of_joseph():
-    """P <- (1 - K)^2 (keep^2 P + q) + K^2 R; it only grows while nothing is measured."""
+def of_logarithm(value):
+    """The number of a network that stands for exp(value)."""
+    return 6 * np.arctanh(value / 6)
+
+
+def test_the_covariance_of_a_recursive_gain_is_that_of_joseph():
+    """P <- (I - K H) F P F' (I - K H)' + L L', as matrices; without a measurement K is zero."""
     sequences = drawn()
-    step = says(RecursiveGain, 2 + np.log(0.3 / 0.7), -20.0, 4.0)
+    L = np.array([[0.5, 0.0], [0.7, 0.2]])
+    numbers = of_logarithm(np.log(0.5)), 0.7, 3 + of_logarithm(np.log(0.2))
+    step = says(RecursiveGain, 2 + np.log(0.3 / 0.7), 4 + np.log(0.1 / 0.9), *numbers)
     found = torch.stack([output.deviation_deg for output, _ in run(step, sequences)]) ** 2
     for row in range(4):
-        spread, wanted = 1.0, []
+        P, wanted, T = np.diag([1.0, 0.0]), [], float(sequences.sample_time[row])
         of_row = sequences.inputs[0][:, row].tolist(), sequences.measurement_deg[:, row].tolist()
         for keep, y in zip(*of_row, strict=True):
-            spread = keep**2 * spread + 1.0
-            if not np.isnan(y):
-                spread = 0.7**2 * spread + 0.3**2
-            wanted.append(spread * float(sequences.variance[row]))
+            K = np.zeros(2) if np.isnan(y) else np.array([0.3, 0.2])
+            step_of_error = (np.eye(2) - np.outer(K, [1, 0])) @ [[keep, T], [0, 1]]
+            P = step_of_error @ P @ step_of_error.T + L @ L.T
+            wanted.append(P[0, 0] * float(sequences.variance[row]))
         np.testing.assert_allclose(found[:, row], wanted, rtol=1e-3)
 
 
 def test_a_recursive_gain_can_be_the_kalman_gain_and_its_variance_then_is_the_least():
-    """Joseph's form holds for any gain, and is least in its steady state at that of Kalman."""
+    """Where L L' is what model and noise add, P is least in its steady state at the gain of Kalman."""
     sequences, growth = drawn(noises=("gaussian",)), 0.05
-    said = 4 + 6 * np.arctanh(np.log(growth) / 6)
     spreads = {}
     for gain in (0.05, 0.2, 0.5):
-        step = says(RecursiveGain, 2 + np.log(gain / (1 - gain)), -20.0, said)
+        added = of_logarithm(np.log((1 - gain) ** 2 * growth + gain**2) / 2)
+        step = says(RecursiveGain, 2 + np.log(gain / (1 - gain)), -20.0, added, 0.0, -100.0)
         *_, (output, _) = run(step, sequences._replace(inputs=tuple(of * 0 + 1 for of in sequences.inputs)))
         spreads[gain] = float((output.deviation_deg**2 / sequences.variance)[0])
     prior = growth / 2 + np.sqrt(growth**2 / 4 + growth)  # of the steady state, R = 1
