@@ -51,6 +51,7 @@ SMALLER: tuple[tuple[str, str], ...] = (
     (r"--rivals [a-z -]*?(?= --)", "--rivals coleman-hodgdon"),
     (r"(endotwin calibrate .*?)(?= --out)", r"\1 --starts 1 --free section_stiffness pretension"),
     (r"(endotwin evaluate .*--suite paper)", r"\1 --methods C-H AM RAM"),
+    (r"--methods (?:C-H AM AM-tuned|'RAM \(twins\)' 'RAM).*(?= --out)", "--methods AM LSTM 'RAM (twins)' Ensemble"),
     (
         r"(endotwin evaluate .*--suite (?:full|untrained))",
         r"\1 --seeds 1 --members 8 --seconds 5 --episodes 1 --sample-time 0.1",
@@ -62,7 +63,7 @@ SMALLER: tuple[tuple[str, str], ...] = (
     (r"--sample-time 0.1 (.*)--sample-time 0.1", r"--sample-time 0.1 \1"),
     (r"(endotwin gate .*?)(?= --out)", r"\1 --quick"),
     (r"(endotwin run .*--stroke -1 1) < samples.jsonl", r"head -20 samples.jsonl | \1"),
-    (r"--suite full (.*)--controller [a-z -]*?(?= --out)", r"\1--controller linear members-inverse"),
+    (r"--controller [a-z -]* oracle --seconds 20 --candidates 32", "--controller linear members-inverse"),
     (r"(endotwin control .*)--suite full", r"\1"),
     (
         r"(endotwin control .*?)(?= --out)",
