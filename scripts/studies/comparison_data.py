@@ -48,7 +48,8 @@ def write_comparison(results: Path, data: Path, commit: str) -> None:
     if "control" in evaluation:
         name = "control_sealed" if evaluation["control"].get("test_set") else "control"
         write_whole(data / f"{name}_totals.csv", _head(stated) + controllers(evaluation))
-        write_whole(data / f"{name}.csv", _head(stated) + conditions(evaluation["totals"]))
+        if len({of["condition"] for of in evaluation["totals"]}) > 1:
+            write_whole(data / f"{name}.csv", _head(stated) + conditions(evaluation["totals"]))
         return
     sealed = results / "sealed.csv"
     if sealed.is_file():

@@ -51,7 +51,10 @@ SMALLER: tuple[tuple[str, str], ...] = (
     (r"--rivals [a-z -]*?(?= --)", "--rivals coleman-hodgdon"),
     (r"(endotwin calibrate .*?)(?= --out)", r"\1 --starts 1 --free section_stiffness pretension"),
     (r"(endotwin evaluate .*--suite paper)", r"\1 --methods C-H AM RAM"),
-    (r"--methods (?:C-H AM AM-tuned|'RAM \(twins\)' 'RAM).*(?= --out)", "--methods AM LSTM 'RAM (twins)' Ensemble"),
+    (
+        r"--methods (?:C-H AM AM-tuned|'RAM \(twins\)' 'RAM).*(?= --out)",
+        "--methods AM LSTM 'RAM (twins)' Ensemble",
+    ),
     (
         r"(endotwin evaluate .*--suite (?:full|untrained))",
         r"\1 --seeds 1 --members 8 --seconds 5 --episodes 1 --sample-time 0.1",
