@@ -210,3 +210,8 @@ def test_a_comparison_of_controllers_becomes_files(tmp_path):
     assert (rows["pid"]["largest lead [s]"], rows["line"]["high"], rows["pid"]["low"]) == ("0.30", "60", "")
     under = read_data(tmp_path / "data/control_sealed.csv")["1"]
     assert (under["line"], under["line, worst"], under["oracle"]) == ("1.00", "2.00", "")
+    values |= {"control": {"test_set": None}, "totals": totals[:2], "origin": origin}
+    (tmp_path / "control.json").write_text(json.dumps(values))
+    write_comparison(tmp_path, tmp_path / "data", "0123")
+    names = {path.name for path in (tmp_path / "data").glob("*.csv")}
+    assert names == {"control_sealed_totals.csv", "control_sealed.csv", "control_totals.csv"}

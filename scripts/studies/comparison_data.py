@@ -30,7 +30,7 @@ def write_comparison(results: Path, data: Path, commit: str) -> None:
     """Write scores.csv, costs.csv and the tables of the comparison into `data`; `commit` made the run.
 
     Of the sealed suite, write sealed.csv, with the test set and how many were tried. Of a comparison of
-    controllers, write the totals of all conditions, or of the first, and the errors under each.
+    controllers, write the totals of the first condition or, if sealed, of all, and each one's errors.
     """
     names = ("control.json", "evaluation.json")
     path = next((path for name in names if (path := results / name).is_file()), results / names[-1])
@@ -47,17 +47,17 @@ def write_comparison(results: Path, data: Path, commit: str) -> None:
     }
     if "control" in evaluation:
         name = "control_sealed" if evaluation["control"].get("test_set") else "control"
-        write_whole(data / f"{name}_totals.csv", _head(stated) + controllers(evaluation))
+        write_whole(data / f"{name}_totals.csv", file_head(stated) + controllers(evaluation))
         if len({of["condition"] for of in evaluation["totals"]}) > 1:
-            write_whole(data / f"{name}.csv", _head(stated) + conditions(evaluation["totals"]))
+            write_whole(data / f"{name}.csv", file_head(stated) + conditions(evaluation["totals"]))
         return
     sealed = results / "sealed.csv"
     if sealed.is_file():
         of = evaluation["protocol"]
         stated["command"] += f"  (test set {of['test_set']}; {of['test_sets_in_this_folder']} tried)"
-        write_whole(data / "sealed.csv", _head(stated) + sealed.read_text())
+        write_whole(data / "sealed.csv", file_head(stated) + sealed.read_text())
         return
-    head = _head(stated)
+    head = file_head(stated)
     given = {row["method"]: ", ".join(row["given"]) for row in evaluation["rows"]}
     for name in ("scores", "costs"):
         write_whole(data / f"{name}.csv", head + (results / f"{name}.csv").read_text())
@@ -68,7 +68,8 @@ def write_comparison(results: Path, data: Path, commit: str) -> None:
     write_whole(data / "better_cells.csv", head + better_cells(scores))
 
 
-def _head(stated: Mapping[str, Any]) -> str:
+def file_head(stated: Mapping[str, Any]) -> str:
+    """Return the first lines of a file of docs/data."""
     return "".join(f"# {name}: {value}\n" for name, value in stated.items())
 
 

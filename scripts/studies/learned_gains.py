@@ -5,10 +5,8 @@ unit between two layers (architecture 1; Revach et al. 2022), and Recursive Kalm
 gain and one for the covariance (Mortada et al. 2025). Inputs and bounds of the gains are those of our rivals.
 """
 
-import csv
 import dataclasses
 import datetime
-import io
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -37,9 +35,11 @@ from scripts.benchmarks.linear_system import (
     sequences_of,
 )
 from scripts.command import Options, Summary, run_verb
+from scripts.studies.comparison_data import file_head
 from scripts.studies.tables import DATA, ROOT, STATED, head_commit
 from twin.files.atomic import write_whole
 from twin.files.bounds import check_between
+from twin.report.tables import csv_text
 
 Tensor = torch.Tensor
 WEIGHT_DECAY = 1e-4
@@ -71,21 +71,21 @@ class LearnedGains(Options):
 class LayeredUnit(MemoryCell):
     """Gated recurrent unit between two fully connected layers, whose output is that of the network."""
 
-    def __init__(self, before: int, units: int, after: int, outputs: int):
+    def __init__(self, encoder: int, units: int, readout: int, outputs: int):
         super().__init__()
         self.size, self.width = units, outputs
-        self.before = torch.nn.Sequential(torch.nn.Linear(SEEN, before), torch.nn.ReLU())
-        self.cell = torch.nn.GRUCell(before, units)
-        last = torch.nn.Linear(after, outputs)
-        self.after = torch.nn.Sequential(torch.nn.Linear(units, after), torch.nn.ReLU(), last)
+        self.encoder = torch.nn.Sequential(torch.nn.Linear(SEEN, encoder), torch.nn.ReLU())
+        self.cell = torch.nn.GRUCell(encoder, units)
+        last = torch.nn.Linear(readout, outputs)
+        self.readout = torch.nn.Sequential(torch.nn.Linear(units, readout), torch.nn.ReLU(), last)
         with torch.no_grad():
             last.weight.mul_(0.1)
             last.bias.zero_()
 
     def forward(self, seen: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
         """Return the output and the memory."""
-        memory = self.cell(self.before(seen), memory)
-        return self.after(memory), memory
+        memory = self.cell(self.encoder(seen), memory)
+        return self.readout(memory), memory
 
 
 class Parallel(MemoryCell):
@@ -102,18 +102,6 @@ class Parallel(MemoryCell):
         parts = zip(self.networks, memory.split(self.sizes, dim=1), strict=True)
         outputs, memories = zip(*(network(seen, of) for network, of in parts), strict=True)
         return torch.cat(outputs, dim=1), torch.cat(memories, dim=1)
-
-
-class First(torch.nn.Module):
-    """The first numbers of an input."""
-
-    def __init__(self, count: int):
-        super().__init__()
-        self.count = count
-
-    def forward(self, values: Tensor) -> Tensor:
-        """Return (B, count) the first of (B, n)."""
-        return values[:, : self.count]
 
 
 class AdaBelief(torch.optim.Optimizer):
@@ -162,7 +150,7 @@ class Published:
     def untrained(self) -> LearnedGain:
         """Return the step before its training."""
         step = self.step(lambda *_: Parallel([LayeredUnit(*sizes) for sizes in self.networks]), 0)
-        step.output = torch.nn.Sequential(First(step.outputs))
+        step.output = torch.nn.Sequential()  # none: the first numbers are those of the networks
         return step
 
     def trained(self, source: LinearSource, updates: int, seed: int = 1) -> LearnedGain:
@@ -211,7 +199,7 @@ def above(step: FilterStep, bodies: Bodies, *, knows_width: bool) -> float:
     return decibels(estimates, bodies.place) - decibels(known, bodies.place)
 
 
-def row(name: str, described: tuple[str, str], train: Callable[[LinearSource], FilterStep]) -> list[str]:
+def row(name: str, described: tuple[str, str], train: Callable[[LinearSource], FilterStep]) -> dict[str, str]:
     """Return a row of the table: a method that is trained under each noise."""
     normal, two = LinearSource(), LinearSource(two_widths=True)
     on_normal, on_two = (source.run(BODIES, SAMPLES, np.random.default_rng(SEED)) for source in (normal, two))
@@ -222,7 +210,8 @@ def row(name: str, described: tuple[str, str], train: Callable[[LinearSource], F
     found = [above(step, on_normal, knows_width=False)]
     step = train(two)
     found += [above(step, on_two, knows_width=knows) for knows in (False, True)]
-    return [name, *described, str(parameters), *(f"{of:.2f}" for of in found), f"{seconds:.0f}"]
+    cells = name, *described, str(parameters), *(f"{of:.2f}" for of in found), f"{seconds:.0f}"
+    return dict(zip(COLUMNS, cells, strict=True))
 
 
 def learned_gains(args: LearnedGains) -> Summary:
@@ -246,11 +235,8 @@ def learned_gains(args: LearnedGains) -> Summary:
     versions = " ".join(f"{name} {version(name)}" for name in ("endotwin", "numpy", "torch"))
     command = f"python -m scripts.studies.learned_gains --updates {args.updates}"
     stated = head_commit(), command, datetime.date.today().isoformat(), versions
-    text = io.StringIO()
-    text.writelines(f"# {name}: {value}\n" for name, value in zip(STATED, stated, strict=True))
-    csv.writer(text, lineterminator="\n").writerows([COLUMNS, *rows])
-    write_whole(args.out, text.getvalue())
-    return Summary(f"wrote {args.out}", {"rows": [dict(zip(COLUMNS, of, strict=True)) for of in rows]})
+    write_whole(args.out, file_head(dict(zip(STATED, stated, strict=True))) + csv_text(rows))
+    return Summary(f"wrote {args.out}", {"rows": rows})
 
 
 main = partial(run_verb, LearnedGains, learned_gains)

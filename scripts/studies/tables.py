@@ -46,7 +46,7 @@ class Tables:
     """
 
     results: Path | None = None
-    """Folder of `evaluate --suite full`: write its figures into docs/data first."""
+    """Folder of `evaluate --suite full` or `sealed`, or `control`: write its figures into docs/data first."""
 
     commit: str = ""
     """Commit of that run; by default the present one."""
