@@ -25,7 +25,7 @@ from twin.estimation.registry import find_training, load_method_files, needed_fi
 from twin.estimation.set_membership import SetMembershipFilter
 from twin.evaluation.compare import Comparison, compare
 from twin.evaluation.costs import Cost, method_costs
-from twin.evaluation.fitting import identify_models, load_fits
+from twin.evaluation.fitting import identify_models, in_single_precision, load_fits
 from twin.evaluation.method import build_method
 from twin.evaluation.reading import complete_pieces, evaluation_records, read_episodes, true_records
 from twin.evaluation.scenarios import (
@@ -181,7 +181,8 @@ def learn(
     if missing:
         jobs = {fit.key: executor.submit(fit.find, knowledge) for fit in missing}
         _wait_for(list(jobs.values()), progress(f"tune T = {T:g} s", "filter"))
-        fits = {**knowledge.fits, **{key: job.result() for key, job in jobs.items()}}
+        found = {key: in_single_precision(job.result()) for key, job in jobs.items()}
+        fits = {**knowledge.fits, **found}
         write_whole(path, json.dumps(fits, indent=2) + "\n")
         knowledge = dataclasses.replace(knowledge, fits=fits)
     trained = {

@@ -1,6 +1,7 @@
 import json
 
 import briefly
+import numpy as np
 import pytest
 from scores import simulated_record
 
@@ -8,7 +9,7 @@ from twin.estimation.knowledge import Knowledge
 from twin.estimation.open_loop import MONOTONE
 from twin.estimation.registry import method_specs, needed_fits
 from twin.evaluation.compare import compare
-from twin.evaluation.fitting import MODEL_NAMES, identify_models, load_fits
+from twin.evaluation.fitting import MODEL_NAMES, identify_models, in_single_precision, load_fits
 from twin.evaluation.method import build_method
 from twin.evaluation.protocol import Protocol
 from twin.hysteresis import ColemanHodgdon
@@ -55,6 +56,16 @@ def test_every_model_is_identified_once_and_kept(models, records, tmp_path):
     stamps = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
     assert identify_models(records, tmp_path, seed=0) == first == models
     assert {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == stamps
+
+
+def test_models_and_fits_lose_the_digits_that_depend_on_the_processor(tmp_path, models):
+    """A half stays a half: loops at the limit of the monotone model stay monotone."""
+    one, other = ({"a": 0.7375860698 * of, "b": [22.4037773836 * of, 3], "c": "x"} for of in (1, 1 + 2e-13))
+    assert in_single_precision(one) == in_single_precision(other)
+    b = in_single_precision(22.4037773836)
+    assert in_single_precision(22.4037773836 / 2) == b / 2 == pytest.approx(22.4037773836 / 2, rel=1e-7)
+    model = models[ColemanHodgdon.name]
+    assert model.a_per_mm == float(np.float32(model.a_per_mm))
 
 
 @pytest.mark.slow

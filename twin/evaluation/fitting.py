@@ -48,10 +48,23 @@ def identify_models(
             model, rmse = identify(measured, seed, kind, monotone=monotone, **size)
             how = OPTIMIZERS[kind].format(**size)
             found = IdentifiedModel(model, rmse, how, seed, "training records")
-            write_whole(path, json.dumps(found.to_dict(), indent=2) + "\n")
+            write_whole(path, json.dumps(in_single_precision(found.to_dict()), indent=2) + "\n")
         models[name] = load_model(path)
         on_progress(count, len(MODEL_NAMES))
     return models
+
+
+def in_single_precision(values: Any) -> Any:
+    """Return dicts and lists with their floating-point numbers rounded to single precision.
+
+    The last digits that an optimiser finds depend on the processor. A particle filter makes other draws for
+    them, and its error then differs by tenths of a degree.
+    """
+    if isinstance(values, dict):
+        return {name: in_single_precision(value) for name, value in values.items()}
+    if isinstance(values, list | tuple):
+        return [in_single_precision(value) for value in values]
+    return float(np.float32(values)) if isinstance(values, float) else values
 
 
 def load_fits(path: Path) -> Fits:
