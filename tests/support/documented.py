@@ -52,8 +52,8 @@ SMALLER: tuple[tuple[str, str], ...] = (
     (r"(endotwin calibrate .*?)(?= --out)", r"\1 --starts 1 --free section_stiffness pretension"),
     (r"(endotwin evaluate .*--suite paper)", r"\1 --methods C-H AM RAM"),
     (
-        r"--methods (?:C-H AM AM-tuned|'RAM \(twins\)' 'RAM).*(?= --out)",
-        "--methods AM LSTM 'RAM (twins)' Ensemble",
+        r"(--suite full .*--methods) (?:C-H AM AM-tuned|'RAM \(twins\)' 'RAM).*(?= --out)",
+        r"\1 AM LSTM 'RAM (twins)' Ensemble",
     ),
     (
         r"(endotwin evaluate .*--suite (?:full|untrained))",
