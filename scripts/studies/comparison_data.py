@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from twin.control.results import POOLED
+from twin.control.results import RESULTS as CONTROL
 from twin.errors import InputError
 from twin.evaluation.paper import noise_label
+from twin.evaluation.protocol import ALL_CONDITIONS
 from twin.evaluation.ranking import competes
 from twin.files.atomic import write_whole
 from twin.files.origin import stated_origin
@@ -32,32 +33,27 @@ def write_comparison(results: Path, data: Path, commit: str) -> None:
     Of the sealed suite, write sealed.csv, with the test set and how many were tried. Of a comparison of
     controllers, write the totals of the first condition or, if sealed, of all, and each one's errors.
     """
-    names = ("control.json", "evaluation.json")
-    path = next((path for name in names if (path := results / name).is_file()), results / names[-1])
+    control = results / CONTROL
+    path = control if control.is_file() else results / "evaluation.json"
     evaluation = json.loads(path.read_text())
     origin = stated_origin(evaluation)
     if origin is None:
         raise InputError(f"{path} states no origin")
-    time = path.stat().st_mtime
-    stated = {
-        "commit": commit,
-        "command": origin.command,
-        "date": datetime.date.fromtimestamp(time).isoformat(),
-        "versions": " ".join(f"{name} {version}" for name, version in origin.versions.items()),
-    }
+    date = datetime.date.fromtimestamp(path.stat().st_mtime)
+    head = file_head(commit, origin.command, date, origin.versions)
     if "control" in evaluation:
         name = "control_sealed" if evaluation["control"].get("test_set") else "control"
-        write_whole(data / f"{name}_totals.csv", file_head(stated) + controllers(evaluation))
+        write_whole(data / f"{name}_totals.csv", head + controllers(evaluation))
         if len({of["condition"] for of in evaluation["totals"]}) > 1:
-            write_whole(data / f"{name}.csv", file_head(stated) + conditions(evaluation["totals"]))
+            write_whole(data / f"{name}.csv", head + conditions(evaluation["totals"]))
         return
     sealed = results / "sealed.csv"
     if sealed.is_file():
         of = evaluation["protocol"]
-        stated["command"] += f"  (test set {of['test_set']}; {of['test_sets_in_this_folder']} tried)"
-        write_whole(data / "sealed.csv", file_head(stated) + sealed.read_text())
+        command = f"{origin.command}  (test set {of['test_set']}; {of['test_sets_in_this_folder']} tried)"
+        head = file_head(commit, command, date, origin.versions)
+        write_whole(data / "sealed.csv", head + sealed.read_text())
         return
-    head = file_head(stated)
     given = {row["method"]: ", ".join(row["given"]) for row in evaluation["rows"]}
     for name in ("scores", "costs"):
         write_whole(data / f"{name}.csv", head + (results / f"{name}.csv").read_text())
@@ -68,9 +64,10 @@ def write_comparison(results: Path, data: Path, commit: str) -> None:
     write_whole(data / "better_cells.csv", head + better_cells(scores))
 
 
-def file_head(stated: Mapping[str, Any]) -> str:
+def file_head(commit: str, command: str, date: datetime.date, versions: Mapping[str, str]) -> str:
     """Return the first lines of a file of docs/data."""
-    return "".join(f"# {name}: {value}\n" for name, value in stated.items())
+    packages = " ".join(f"{name} {version}" for name, version in versions.items())
+    return f"# commit: {commit}\n# command: {command}\n# date: {date.isoformat()}\n# versions: {packages}\n"
 
 
 def rivals(scores: Sequence[Score], given: Mapping[str, str]) -> str:
@@ -132,7 +129,7 @@ def controllers(values: Mapping[str, Any]) -> str:
     first = totals[0]["condition"]
     best: dict[str, tuple[float, str]] = {}  # by condition
     for of in totals:
-        if not of["oracle"] and of["condition"] != POOLED:
+        if not of["oracle"] and of["condition"] != ALL_CONDITIONS:
             mine = (of["rmse_deg"], of["controller"])
             best[of["condition"]] = min(mine, best.get(of["condition"], mine))
     winners = [name for _, name in best.values()]

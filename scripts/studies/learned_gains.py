@@ -19,6 +19,7 @@ import numpy as np
 import torch
 
 from rl.on_twins import RIVALS, Rival
+from rl.supervised import tensor32
 from rl.twins.filter_step import ALL, FilterStep
 from rl.twins.learning import filter_sequences
 from rl.twins.recurrent_step import SEEN, VALUES, LearnedGain, MemoryCell, RecursiveGain
@@ -36,7 +37,7 @@ from scripts.benchmarks.linear_system import (
 )
 from scripts.command import Options, Summary, run_verb
 from scripts.studies.comparison_data import file_head
-from scripts.studies.tables import DATA, ROOT, STATED, head_commit
+from scripts.studies.tables import DATA, ROOT, head_commit
 from twin.files.atomic import write_whole
 from twin.files.bounds import check_between
 from twin.report.tables import csv_text
@@ -180,23 +181,21 @@ PUBLISHED = {
 
 def loss(step: LearnedGain, bodies: Bodies) -> Tensor:
     """Return the mean square error of both states, or twice their negative logarithm of likelihood."""
-    states = [state.values for _, state in filter_sequences(step, sequences_of(bodies), ALL)]
-    theta, error, *_ = torch.stack(states).unbind(dim=2)
-    place = theta - torch.as_tensor(bodies.place).float()
-    speed = error - torch.as_tensor(bodies.speed - SPEED).float()
+    states = torch.stack([of.values for _, of in filter_sequences(step, sequences_of(bodies), ALL)])
+    theta, error, *_ = states.unbind(dim=2)
+    place, speed = theta - tensor32(bodies.place), error - tensor32(bodies.speed - SPEED)
     if not step.by_likelihood:
         return (place**2 + speed**2).mean() / 2
-    of_place, both, of_speed = torch.stack(states)[..., VALUES:].unbind(dim=2)
+    of_place, both, of_speed = states[..., VALUES:].unbind(dim=2)
     volume = of_place * of_speed - both**2
     distance = (of_speed * place**2 - 2 * both * place * speed + of_place * speed**2) / volume
     return (distance + torch.log(volume)).mean()
 
 
-def above(step: FilterStep, bodies: Bodies, *, knows_width: bool) -> float:
-    """Return how far the mean square error is above that of a Kalman filter [dB]."""
-    known = kalman_filter(bodies, knows_width=knows_width)
-    estimates, _ = learned_estimates(step, bodies)
-    return decibels(estimates, bodies.place) - decibels(known, bodies.place)
+def above(step: FilterStep, bodies: Bodies, *knows_width: bool) -> list[float]:
+    """Return how far the mean square error is above that of each Kalman filter [dB]."""
+    mine = decibels(learned_estimates(step, bodies)[0], bodies.place)
+    return [mine - decibels(kalman_filter(bodies, knows_width=of), bodies.place) for of in knows_width]
 
 
 def row(name: str, described: tuple[str, str], train: Callable[[LinearSource], FilterStep]) -> dict[str, str]:
@@ -207,11 +206,17 @@ def row(name: str, described: tuple[str, str], train: Callable[[LinearSource], F
     step = train(normal)
     seconds = time.process_time() - begun
     parameters = sum(of.numel() for of in step.parameters())
-    found = [above(step, on_normal, knows_width=False)]
-    step = train(two)
-    found += [above(step, on_two, knows_width=knows) for knows in (False, True)]
+    found = above(step, on_normal, False) + above(train(two), on_two, False, True)
     cells = name, *described, str(parameters), *(f"{of:.2f}" for of in found), f"{seconds:.0f}"
     return dict(zip(COLUMNS, cells, strict=True))
+
+
+def ours(rival: Rival, source: LinearSource) -> FilterStep:
+    """Return the step of a rival after a training with our size."""
+    torch.manual_seed(1)
+    step = rival.untrained()
+    learn_gains(step, source, UPDATES_OF_OURS)
+    return step
 
 
 def learned_gains(args: LearnedGains) -> Summary:
@@ -223,19 +228,12 @@ def learned_gains(args: LearnedGains) -> Summary:
         rows.append(row(name, published.described, partial(published.trained, updates=args.updates)))
     for name in PUBLISHED:
         rival = RIVALS[f"{name} (twins)"]
-
-        def train(source: LinearSource, rival: Rival = rival) -> FilterStep:
-            torch.manual_seed(1)
-            step = rival.untrained()
-            learn_gains(step, source, UPDATES_OF_OURS)
-            return step
-
         described = str(rival.width), f"Adam {first_rate(rival.untrained()):g} to 0, batch 128"
-        rows.append(row(rival.spec.name, described, train))
-    versions = " ".join(f"{name} {version(name)}" for name in ("endotwin", "numpy", "torch"))
+        rows.append(row(rival.spec.name, described, partial(ours, rival)))
+    versions = {name: version(name) for name in ("endotwin", "numpy", "torch")}
     command = f"python -m scripts.studies.learned_gains --updates {args.updates}"
-    stated = head_commit(), command, datetime.date.today().isoformat(), versions
-    write_whole(args.out, file_head(dict(zip(STATED, stated, strict=True))) + csv_text(rows))
+    head = file_head(head_commit(), command, datetime.date.today(), versions)
+    write_whole(args.out, head + csv_text(rows))
     return Summary(f"wrote {args.out}", {"rows": rows})
 
 

@@ -58,7 +58,7 @@ def test_every_model_is_identified_once_and_kept(models, records, tmp_path):
     assert {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == stamps
 
 
-def test_models_and_fits_lose_the_digits_that_depend_on_the_processor(tmp_path, models):
+def test_models_and_fits_lose_the_digits_that_depend_on_the_processor(models):
     """A half stays a half: loops at the limit of the monotone model stay monotone."""
     one, other = ({"a": 0.7375860698 * of, "b": [22.4037773836 * of, 3], "c": "x"} for of in (1, 1 + 2e-13))
     assert in_single_precision(one) == in_single_precision(other)

@@ -14,6 +14,7 @@ from twin.control.conditions import ControlCondition, ControlSettings
 from twin.control.controller import UNCOMPENSATED, is_oracle
 from twin.control.trial import ControlTrial
 from twin.evaluation.metrics import confidence_interval
+from twin.evaluation.protocol import ALL_CONDITIONS
 from twin.files.atomic import MADE_BY, write_whole
 from twin.gate.trial import reduction_interval
 from twin.simulation import simulate
@@ -177,7 +178,6 @@ def with_percentages(lines: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 RESULTS = "control.json"
 RECORDS = "records"
-POOLED = "all conditions"
 RECORD_SIGN = "tracking_rmse_deg"  # metadata that no other recording has
 
 
@@ -187,7 +187,7 @@ def pooled(results: Sequence[ControlResult]) -> list[ControlResult]:
     for name in dict.fromkeys(of.controller for of in results):
         mine = [of for of in results if of.controller == name]
         measures = {of: np.concatenate([each.measures[of] for each in mine], axis=1) for of in MEASURES}
-        found.append(ControlResult(name, ControlCondition(POOLED), mine[0].strokes_mm, measures, {}))
+        found.append(ControlResult(name, ControlCondition(ALL_CONDITIONS), mine[0].strokes_mm, measures, {}))
     return found
 
 

@@ -46,6 +46,7 @@ UNTRAINED_CONDITIONS = (
     ("stuck", 0.1),
 )
 """Faults of a sensor (`twin.signals.sensor_errors`); the first is none, for twins that are in no training."""
+ALL_CONDITIONS = "all conditions"  # of a sealed suite, in its tables
 SEALED = "sealed"
 """Suite, and noise of its rows, whose level is the number of conditions (`twin.evaluation.sealed`)."""
 # Counts are whole degrees: without dither the angle could be read off their lattice.

@@ -19,6 +19,7 @@ from twin.episode import Record
 from twin.errors import DivergedError
 from twin.estimation.estimator import Sensor
 from twin.estimation.knowledge import Case
+from twin.evaluation.protocol import ALL_CONDITIONS
 from twin.evaluation.scenarios import FARTHER, SAMPLE_TIME, Scenario, members, simulate_all, simulate_drives
 from twin.files.bounded import sha256_of
 from twin.preset import Preset, Ranges, load_preset, load_ranges, preset_names
@@ -62,9 +63,9 @@ LEVELS = {
 }
 OUTLIER, ASIDE = 6.0, 3.0  # times as wide: outliers, and the errors to one side of a mixture
 
-ALL = "all conditions"
 KINDS = (
-    *(ALL, "noise", "sensor fault", "calibrated sensor", "zero unknown", "start at rest", "unknown history"),
+    *(ALL_CONDITIONS, "noise", "sensor fault", "calibrated sensor", "zero unknown"),
+    *("start at rest", "unknown history"),
     *("sheath still", "sheath bends on", "sheath moves suddenly", "tip touched", "another endoscope"),
 )
 """Groups of conditions that have rows of their own."""
@@ -191,7 +192,7 @@ class SealedCondition:
     def kinds(self) -> tuple[str, ...]:
         """Names of the groups of `KINDS` that the condition belongs to."""
         return (
-            ALL,
+            ALL_CONDITIONS,
             "sensor fault" if self.sensor.kind in LEVELS else "noise",
             "zero unknown" if self.sensor.zero_deviation_deg else "calibrated sensor",
             "start at rest" if self.from_rest else "unknown history",
