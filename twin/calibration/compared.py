@@ -7,17 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.calibration.logs import MeasuredLoop
-from twin.calibration.objective import bend_errors, offset_of, offsets_taken_off, predict
+from twin.calibration.objective import as_read, bend_errors, offset_of, offsets_taken_off, predict
 from twin.episode import Episode, Record, runs_of_true
 from twin.errors import DivergedError, InputError
 from twin.hysteresis import HysteresisModel, PrandtlIshlinskii
 from twin.identification import identify
 from twin.identification.nuisances import Log, Nuisances, determines_delay, fit_nuisances, records_of
 from twin.preset.preset import Preset
+from twin.simulation import simulate_batch
 
 Array = NDArray[np.float64]
 
 GENERATIONS = 40  # of the genetic algorithms: they find the basin, least squares goes to its bottom
+STARTS, WAY = 33, 16  # pulls that a log may have begun after; samples of the way to each, and back
 TWIN = "twin"  # name of the twin among those that are compared
 
 
@@ -112,6 +114,7 @@ class Compared:
     episode: Episode | None  # its simulation; None where it diverged
     errors: tuple[Mapping[str, Array | None], ...]
     offsets: tuple[float, ...]
+    own_start: Array | None = None  # error (N,) of `own_start_error` in the first plane [rad]
 
 
 def compare(
@@ -137,8 +140,45 @@ def compare(
                 {name: None if error is None else error - offset[name] for name, error in raw.items()}
             )
             offsets.append(offset[TWIN])
-        found.append(Compared(loop, episode, tuple(errors), tuple(offsets)))
+        own_start = own_start_error(preset, loop) if own[place] else None
+        found.append(Compared(loop, episode, tuple(errors), tuple(offsets), own_start))
     return found
+
+
+def own_start_error(preset: Preset, loop: MeasuredLoop) -> Array | None:
+    """Return the error of the bend (N,) [rad] of a predicted log, less its mean, from the pose it began in.
+
+    A device is left anywhere within its loop of hysteresis before a log begins, and no log tells where. The
+    twin comes to the first command by way of one of `STARTS` other pulls: that which explains the log best on
+    the reduced twin. None for a fitted log, one with a known zero, a window, or two bending planes.
+    """
+    if loop.fitted.any() or not loop.offset or loop.origin or preset.bending_planes == 2:
+        return None
+    starts = np.ptp(loop.episode.pull) / 2 * np.linspace(-1, 1, STARTS)
+    tried = [error for error in _from_starts(preset, loop, starts, "reduced") if error is not None]
+    if not tried:
+        return None
+    best = int(np.argmin([error.std() for error in tried]))
+    return _from_starts(preset, loop, starts[best : best + 1], "mujoco")[0]
+
+
+def _from_starts(preset: Preset, loop: MeasuredLoop, starts: Array, physics: str) -> list[Array | None]:
+    """Return centred errors of the bend (N,) [rad] after a way from neutral by each of some pulls [m]."""
+    if loop.sheath_bend is not None:
+        preset = preset.replace(sheath_bend=loop.sheath_bend)
+    pull = loop.episode.pull
+    ways = [
+        np.concatenate([np.linspace(0, start, WAY), np.linspace(start, pull[0], WAY)[1:-1]])
+        for start in starts
+    ]
+    pulls = [np.concatenate([way, pull]) for way in ways]
+    episodes = simulate_batch([preset] * len(ways), pulls, loop.sample_time, physics=physics)
+    errors = []
+    for episode, way in zip(episodes, ways, strict=True):
+        read = as_read(None if episode is None else episode.part(len(way)), preset)
+        error = None if read is None else (read.bend - loop.episode.bend)
+        errors.append(None if error is None else error - error[loop.seen].mean())
+    return errors
 
 
 def errors_deg(error: Array | None, loop: MeasuredLoop) -> dict[str, float | None]:

@@ -82,6 +82,8 @@ def _of_log(log: Compared, zero: float) -> dict[str, Any]:
         for name, error in errors.items():
             whose = prefix if name == TWIN else f"{prefix}{name.replace('-', '_')}_"
             values |= {f"{whose}{key}": value for key, value in errors_deg(error, loop).items()}
+    own_start = None if log.own_start is None else rmse(np.degrees(log.own_start[loop.seen]))
+    values["held_out_own_start_rmse_deg"] = own_start
     scored = loop.fitted if loop.fitted.any() else loop.seen
     for index, wire in enumerate("ab"[: loop.tension.shape[1]]):
         measured = loop.tension[:, index]
@@ -233,9 +235,18 @@ def log_summary(log: dict[str, Any]) -> str:
     if fitted is None and held_out is None:
         return f"{log['name']} diverges"
     if fitted is None:
-        return f"{log['name']} predicted within {held_out:.2f} deg{_sideways(log, 'held_out_rmse_deg')}"
+        sideways = _sideways(log, "held_out_rmse_deg")
+        return f"{log['name']} predicted within {held_out:.2f} deg{sideways}{_less(log)}"
     more = "" if held_out is None else f" (held out {held_out:.2f}{_sideways(log, 'held_out_rmse_deg')})"
     return f"{log['name']} RMSE {fitted:.2f} deg{_sideways(log, 'rmse_deg')}{more}"
+
+
+def _less(log: dict[str, Any]) -> str:
+    """Return the error of a predicted log less what it does not tell, in words."""
+    centred, own_start = log["held_out_centred_rmse_deg"], log["held_out_own_start_rmse_deg"]
+    if own_start is None:
+        return ""
+    return f" ({centred:.2f} less its offset, {own_start:.2f} also from the pose it began in)"
 
 
 def _sideways(log: dict[str, Any], name: str) -> str:

@@ -46,12 +46,12 @@ def predict(
         physics=physics,
         threads=threads,
     )
-    read = [_as_read(*pair) for pair in zip(episodes, (preset for preset, _ in pairs), strict=True)]
+    read = [as_read(*pair) for pair in zip(episodes, (preset for preset, _ in pairs), strict=True)]
     count = len(loops)
     return [read[start : start + count] for start in range(0, len(pairs), count)]
 
 
-def _as_read(episode: Episode | None, preset: Preset) -> Episode | None:
+def as_read(episode: Episode | None, preset: Preset) -> Episode | None:
     """Return an episode with its angles as a sensor reads them, whose zero is that of the first plane."""
     lag, scale, zero = preset.sensor_latency, preset.sensor_scale, preset.sensor_zero
     if episode is None or (lag == 0 and scale == 1 and zero == 0):

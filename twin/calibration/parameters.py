@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 FROM_NOTHING = {
     "joint_friction": 1e-3,
     "wire_stiffening": 0.1,
+    "wire_toe": 0.5,
     "pretension": 3.0,
     "sheath_friction": 0.2,
     "sheath_bend_offset": 0.5,
@@ -31,8 +32,8 @@ FROM_NOTHING = {
 """Values of parameters that the preset has at zero, where a search by logarithm cannot begin."""
 
 
-SPARED = ("servo_gain", "initial_bend", "lateral_initial_bend")
-"""Parameters that stay as in the preset unless the logs need them: a delay and an offset look like them."""
+SPARED = ("servo_gain", "initial_bend", "lateral_initial_bend", "command_zero", "wire_toe")
+"""Parameters that stay as in the preset unless the logs need them: others look like them."""
 
 
 def first_guess(base: Preset, loops: Sequence[MeasuredLoop]) -> dict[str, float]:
@@ -206,6 +207,9 @@ def free_parameters(
     if names is None:
         needs = {
             "section_stiffness": has_tension,
+            "wire_toe": has_tension,
+            "command_zero": has_tension and any(loop.offset for loop in loops),
+            "sheath_friction": has_tension and len(bends) > 2,
             "sheath_friction_growth": len(bends) > 1,
             "sheath_friction_exponent": len(bends) > 2,
             "lateral_initial_bend": base.bending_planes == 2,
@@ -252,7 +256,10 @@ DEFAULT = (
     "routing_friction",
     "wire_stiffness",
     "wire_stiffening",
+    "wire_toe",
     "pretension",
+    "command_zero",
+    "sheath_friction",
     "sheath_friction_floor",
     "sheath_friction_growth",
     "sheath_friction_exponent",

@@ -200,7 +200,7 @@ def with_fixed_parameters(fit: Fit, loops: Sequence[MeasuredLoop]) -> Fit:
     two_planes = fit.preset.bending_planes == 2
     fixed = tuple(
         name
-        for name in (*DEFAULT, "sheath_friction")
+        for name in DEFAULT
         if name not in fit.free.names
         and (two_planes or not name.startswith("lateral"))
         and (name in SIGNED or getattr(fit.preset, name) > 0)

@@ -1,11 +1,17 @@
 """Tension law of a wire segment: a spring that stiffens under tension and cannot push; pretension.
 
-    T = k x + k2 x^2  for a stretch x > 0, else 0,   with k2 = s k^2 / 2
+    T = k y + k2 y^2,   with k2 = s k^2 / 2   and   y = x for a stretch x > 0, else 0
 
 The stiffness dT/dx begins at k and grows there by the fraction s per newton: the strands of a wire rope and
-its liner settle under load (Costello, Theory of Wire Rope, 1997), while a solid wire has s = 0. MuJoCo's
-polynomial tendon stiffness computes the same force.
+its liner settle under load (Costello, Theory of Wire Rope, 1997), while a solid wire has s = 0.
+
+A wire that is hardly pulled lies in waves in its sheath, its strands apart: it does not turn slack at once,
+but is soft up to a tension T0, its toe (as ropes and tendons, Fung 1967). Then, with w = T0 / k,
+
+    y = w ln(1 + exp(x / w))      so that without stiffening      dT/dx = k (1 - exp(-T / T0))
 """
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +20,7 @@ from twin.mechanics.friction import friction_floor, friction_per_tension
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
+LEAST_TAUT = 1e-3  # taut part of a segment that is wound up, over the width of its toe [-]
 ABSENT = 1.0  # slack of each segment of a wire that is not there [m]: no pull takes it up
 
 
@@ -27,18 +34,49 @@ def quadratic_stiffness(preset: Preset) -> float:
     return preset.wire_stiffening * segment_stiffness(preset) ** 2 / 2
 
 
-def tension_at(stretch: Array, stiffness: Array | float, quadratic: Array | float) -> Array:
-    """Return the tension [N] of wire segments at a stretch [m]."""
-    taut = np.maximum(stretch, 0.0)
-    return taut * (stiffness + quadratic * taut)
+def toe_width(preset: Preset) -> float:
+    """Return the width w of the toe of one wire segment [m]; 0 is none."""
+    return preset.wire_toe / segment_stiffness(preset)
 
 
-def stretch_at(tension: Array, stiffness: Array | float, quadratic: Array | float) -> Array:
+def taut_part(stretch: float, width: float) -> tuple[float, float]:
+    """Return the part y [m] of a segment's stretch that is taut, and its derivative by the stretch [-].
+
+    A kernel. Without a toe, the derivative is 1 for a slack segment too.
+    """
+    if width == 0.0:
+        return max(stretch, 0.0), 1.0
+    ratio = stretch / width
+    if ratio > 0.0:
+        slack = math.exp(-ratio)
+        return stretch + width * math.log1p(slack), 1.0 / (1.0 + slack)
+    taut = math.exp(ratio)
+    return width * math.log1p(taut), taut / (1.0 + taut)
+
+
+def tension_at(
+    stretch: Array, stiffness: Array | float, quadratic: Array | float, width: Array | float = 0.0
+) -> Array:
+    """Return the tension [N] of wire segments at a stretch [m]; the toe has a width [m]."""
+    soft = width * np.logaddexp(0.0, stretch / np.where(width > 0, width, 1.0))
+    taut = np.where(width > 0, soft, np.maximum(stretch, 0.0))
+    tension: Array = taut * (stiffness + quadratic * taut)
+    return tension
+
+
+def stretch_at(
+    tension: Array, stiffness: Array | float, quadratic: Array | float, width: float = 0.0
+) -> Array:
     """Return the stretch [m] of wire segments at a tension [N]: the inverse of `tension_at`.
 
-    The root is written such that it loses no digits where `quadratic` is small or zero.
+    The root is written such that it loses no digits where `quadratic` is small or zero. With a toe, no
+    stretch leaves no tension at all: there it is 0.
     """
-    return 2 * tension / (stiffness + np.sqrt(stiffness**2 + 4 * quadratic * tension))
+    taut = 2 * tension / (stiffness + np.sqrt(stiffness**2 + 4 * quadratic * tension))
+    if width == 0:
+        return taut
+    loose = np.log(-np.expm1(-np.maximum(taut, LEAST_TAUT * width) / width))
+    return np.where(taut > 0, taut + width * loose, 0.0)
 
 
 def wound_tension(preset: Preset) -> Array:
@@ -77,7 +115,8 @@ def rest_stretch(preset: Preset, antagonist: bool) -> Array:
     """
     if antagonist and preset.wires_per_plane == 1:
         return np.full(preset.sheath_elements + 1, -ABSENT)
-    stretch = stretch_at(wound_tension(preset), segment_stiffness(preset), quadratic_stiffness(preset))
+    law = segment_stiffness(preset), quadratic_stiffness(preset), toe_width(preset)
+    stretch = stretch_at(wound_tension(preset), *law)
     if preset.bending_planes == 2:
         stretch[:] = stretch.mean()
     stretch[-1] -= preset.wire_slack

@@ -157,7 +157,7 @@ def _increment(
     plane = Plane(
         state.element.shape[2] // 2,
         parameters.rest[m],
-        Segment(c[at.WIRE_STIFFNESS], c[at.WIRE_QUADRATIC], c[at.WIRE_DAMPING] / seconds),
+        Segment(c[at.WIRE_STIFFNESS], c[at.WIRE_QUADRATIC], c[at.WIRE_DAMPING] / seconds, c[at.WIRE_TOE]),
         math.tanh(wrapped / 2.0),
         float(_friction_floor(c[at.FLOOR], c[at.GROWTH], c[at.EXPONENT], sheath_bend)) * drift,
         Hinge(c[at.HINGE_STIFFNESS], c[at.HINGE_CUBIC], c[at.HINGE_DAMPING] / seconds),

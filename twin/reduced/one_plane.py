@@ -37,9 +37,12 @@ from numpy.typing import NDArray
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import CAUGHT_UP
 from twin.mechanics.kernels import fused, inlined
+from twin.mechanics.wire import taut_part
 
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]
+
+_taut_part = inlined(taut_part)
 
 HELD = 1e-3  # share of its stiffness that a slack segment has, only in the linear system
 RESIDUAL_N = 1e-7  # force that is missing from equilibrium at any node, at most [N]
@@ -57,6 +60,7 @@ class Segment(NamedTuple):
     stiffness: float  # [N / m]
     quadratic: float  # growth of the stiffness [N / m^2]
     damping: float  # over the time of the increment [N / m]
+    width: float  # of the toe [m]
 
 
 class Hinge(NamedTuple):
@@ -115,10 +119,12 @@ def load_of(law: Segment, stretch: float, before: float) -> tuple[float, float, 
 
     It is stretched by `stretch`, and was by `before` at the start of the increment [m].
     """
-    taut, taut_before = max(stretch, 0.0), max(before, 0.0)
+    taut, share = _taut_part(stretch, law.width)
     tension = taut * (law.stiffness + law.quadratic * taut)
-    force = tension + law.damping * (taut - taut_before)
-    slope = law.stiffness + 2.0 * law.quadratic * taut + law.damping
+    force = tension
+    if law.damping > 0.0:
+        force += law.damping * (taut - _taut_part(before, law.width)[0])
+    slope = share * (law.stiffness + 2.0 * law.quadratic * taut + law.damping)
     if force <= 0.0:  # no wire pushes, and no jump is left for which there would be no equilibrium
         force = slope = 0.0
     return tension, force, slope
@@ -153,6 +159,7 @@ def turn_of(size: float, angle: float, turned: float) -> float:
 NEWTON_STEPS = 25
 SWEEPS = 25  # in the first turn; each turn has twice as many as the one before, up to 32 times these
 ROUNDS = 40  # times that Newton's steps and sweeps take turns, before the increment is given up
+LOOSE = 40.0  # slack of a segment whose toe has hardly a force, over its width [-]
 TRIALS = 80  # most steps of the bracketed search for the equilibrium of one node
 
 LOWER, MAIN, UPPER, RIGHT, BORDER = range(7, 12)
@@ -439,7 +446,8 @@ def _rest_of_node(plane: Plane, chain: Array, i: int, ahead: float, behind: floa
             if s == 0:
                 break
             # Further on, the force is against the node: the wire that pulls it there would be slack.
-            far = ahead if s > 0 else -behind
+            loose = LOOSE * plane.segment.width
+            far = ahead + loose if s > 0 else -behind - loose
         excess = a_force - b_force - s * friction
         if abs(excess) <= 0.1 * RESIDUAL_N:
             break

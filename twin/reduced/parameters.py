@@ -18,7 +18,7 @@ from twin.mechanics.friction import (
     hinge_groups,
     joint_friction,
 )
-from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiffness, tension_at
+from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiffness, tension_at, toe_width
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
@@ -36,8 +36,9 @@ WARM_UP, WARM_UP_TIME, WEAR = range(9, 12)
 # stiffness of one hinge [N m / rad], its growth [N m / rad^3], damping [N m s / rad], moment arm of the wires
 # [m], friction coefficient of wires on vertebrae [-].
 HINGE_STIFFNESS, HINGE_CUBIC, HINGE_DAMPING, ARM, ROUTING = range(12, 17)
-RIGID = 17  # 1 where the pulley follows the command exactly
-DRIVE = 18  # first of the constants of `DriveLaw`
+WIRE_TOE = 17  # width of the toe of a segment of wire [m]
+RIGID = 18  # 1 where the pulley follows the command exactly
+DRIVE = 19  # first of the constants of `DriveLaw`
 ZERO = DRIVE + len(DriveLaw._fields)  # first of two commands at which the endoscope is neutral [m]
 HINGE_REST = ZERO + 2  # first of two angles of a hinge that nothing pulls [rad]
 TIME, TRAVEL, MISSING_FORCE, COMMAND = range(
@@ -48,7 +49,7 @@ TIME, TRAVEL, MISSING_FORCE, COMMAND = range(
 class Parameters(NamedTuple):
     """M endoscopes with E elements in the sheath of a wire and G groups of hinges in a plane."""
 
-    constants: Array  # (M, 29) by the columns above
+    constants: Array  # (M, 30) by the columns above
     rest: Array  # (M, 2 E + 2) stretch of the segments where all positions are zero, wire a to b [m]
     joint_friction: Array  # (M, G) of a hinge of each group [N m]
     size: Array  # (G,) number of hinges of each group
@@ -143,6 +144,7 @@ def _constants(p: Preset) -> list[float]:
         p.section_damping * p.vertebrae,
         p.wire_offset,
         p.routing_friction,
+        toe_width(p),
         float(is_rigid(law) and not any(p.command_zeros)),
         *map(float, law),
         *p.command_zeros,
@@ -207,8 +209,8 @@ def tension_and_slack(
     stretch = parameters.rest[:, None, :] + chain[..., :-1] - chain[..., 1:]
     of_wires = np.stack([stretch[..., : half + 1], stretch[..., :half:-1]], axis=-2)
     of_wires = of_wires.reshape(*of_wires.shape[:-3], -1, half + 1)
-    stiffness, quadratic = (parameters.constants[:, k, None, None] for k in (WIRE_STIFFNESS, WIRE_QUADRATIC))
-    return tension_at(of_wires, stiffness, quadratic), np.maximum(-of_wires, 0.0)
+    law = (parameters.constants[:, k, None, None] for k in (WIRE_STIFFNESS, WIRE_QUADRATIC, WIRE_TOE))
+    return tension_at(of_wires, *law), np.maximum(-of_wires, 0.0)
 
 
 def sheath_friction(parameters: Parameters, tension: Array, sheath_bend: Array, drift: Array) -> Array:

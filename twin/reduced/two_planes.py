@@ -165,7 +165,7 @@ def _part_of(plane: Plane, parts: int, target: tuple[float, float]) -> Plane:
     return Plane(
         plane.elements,
         plane.rest,
-        Segment(segment.stiffness, segment.quadratic, segment.damping * parts),
+        Segment(segment.stiffness, segment.quadratic, segment.damping * parts, segment.width),
         plane.per_tension,
         plane.floor,
         Hinge(hinge.stiffness, hinge.cubic, hinge.damping * parts),
