@@ -8,7 +8,7 @@ import ctypes
 import dataclasses
 import itertools
 import math
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, cast
 
 import mujoco
 import numpy as np
@@ -27,7 +27,7 @@ from twin.preset.preset import Preset
 Array = NDArray[np.float64]
 TRAVEL, TIME = range(2)  # columns of `Motion.clock`
 _WHOLE_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-_RELEASE_TIME, _SETTLING_TIME = 4.0, 0.2  # to bring in the curve of a section, and to hold it after that [s]
+_RELEASE_TIME, _SETTLING_TIME = 1.0, 0.2  # to bring in the curve of a section, and to hold it after that [s]
 
 
 def _of_mujoco(name: str) -> Any:
@@ -37,9 +37,10 @@ def _of_mujoco(name: str) -> Any:
     if not COMPILED:
         return function
     from numba import types
-    from numba.core.codegen import ll  # llvmlite, which links what Numba compiles
+    from numba.core import codegen
 
-    ll.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+    linker = cast(Any, codegen).ll  # llvmlite's
+    linker.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
     return types.ExternalFunction(name, types.void(types.intp, types.intp))
 
 
