@@ -33,12 +33,12 @@ from twin.physics.layout import NEIGHBOURS, PLANES, WAYS
 from twin.preset.preset import Preset
 
 _FAR = -1.0  # lower end of the dead band of a wire's spring [m]: never reached, so the wire never pushes
-# Inertia over stiffness times the time step squared, of elements and of hinges. It delays what begins to move,
-# by its share of the tension that the command adds in a step; less finds friction in more iterations, and at
-# a fifth of it chains of slack wires that turn taut diverge. A wire's own mass would need microseconds.
+# Inertia over stiffness times the time step squared, of elements and of hinges. It delays what begins to
+# move, by its share of the tension that the command adds in a step. Less finds friction in more iterations,
+# and with a fifth of it, endoscopes diverge. A wire's own mass would need steps of microseconds.
 _LIGHTNESS, _HINGE_LIGHTNESS = 0.1, 0.12
 _PULLEY_MASS = 0.1  # [kg]
-_TOLERANCE = 1e-15  # of the search for friction: MJCF that MuJoCo writes has no number below 1e-12 but 0
+_TOLERANCE = 1e-17  # of the search for friction: MJCF that MuJoCo writes has no number below 1e-12 but 0
 _MOST_JOINTS = 6  # that MuJoCo takes on one body
 
 
