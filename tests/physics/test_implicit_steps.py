@@ -29,7 +29,7 @@ def inertia(model, data) -> np.ndarray:
 def damping(model, endoscope, of_wires) -> np.ndarray:
     """Return the damping of all joints, (nv, nv): of themselves, of the wires, of the motors."""
     matrix = np.diag(model.dof_damping)
-    lengthening = endoscope._loads.wires.lengthening[0]
+    lengthening = endoscope.stepper.wires.lengthening
     matrix += lengthening.T @ np.diag(of_wires.ravel()) @ lengthening
     for plane, pulley in enumerate(endoscope.layout.pulley):
         matrix[pulley, pulley] -= model.actuator_biasprm[2 * plane + 1, 2]
@@ -84,7 +84,7 @@ def test_step_of_a_wire_alone_is_backward_euler():
     light = (inertia(model, data) - implicit)[element, element]
     endoscope.advance(0.0)
     stiffness, own = segment_stiffness(preset), preset.wire_damping * (preset.sheath_elements + 1)
-    rest = endoscope._loads.wires.rest_stretch[0, 0]
+    rest = endoscope.stepper.wires.rest_stretch[0]
     moved = data.qpos[element] - start
     pulled = [
         tension_at(rest + np.array([-x, x]), stiffness, quadratic_stiffness(preset))

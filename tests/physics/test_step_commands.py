@@ -43,14 +43,18 @@ def test_twins_agree_on_steps_behind_a_servo(name):
     assert share_rms(reduced.bend, mujoco.bend) < 0.005
 
 
+def parts_of(division: Division, *strides: float) -> list[int]:
+    """Parts of control periods in which the pulley travels [m]."""
+    return division.parts(division.past[2] + np.cumsum(strides)[:, None]).tolist()
+
+
 def test_parts_grow_at_once_and_become_fewer_by_and_by():
     preset = load_preset("ureteroscope")
     division = Division(preset)
-    assert division.advance([SLOW]) == 1
-    most = division.advance([3e-3])
-    assert most == 2 ** int(np.log2(preset.control_period / LEAST_PART))
-    assert division.advance([0.0]) == most  # a stop changes the speed as much
-    later = [division.advance([0.0]) for _ in range(20)]
+    most = 2 ** int(np.log2(preset.control_period / LEAST_PART))
+    # A stop changes the speed as much.
+    assert parts_of(division, SLOW, 3e-3, 0.0) == [1, most, most]
+    later = parts_of(division, *[0.0] * 20)
     assert sorted(later, reverse=True) == later
     assert set(later) == {2**n for n in range(int(np.log2(most)) + 1)}
 
@@ -58,12 +62,10 @@ def test_parts_grow_at_once_and_become_fewer_by_and_by():
 def test_parts_of_a_restored_state_go_on_as_those_that_were_saved():
     preset, other = load_preset("ureteroscope"), Division(load_preset("ureteroscope"))
     division = Division(preset)
-    for stride in (1e-3, 2e-4, 1e-4):
-        division.advance([stride])
-    other.restore(division.state())
-    assert other.parts == division.parts > 1
+    assert parts_of(division, 1e-3, 2e-4, 1e-4)[-1] > 1
+    other.past[:] = division.past
     following = [0.0, 5e-5, 0.0, 0.0, 0.0]
-    assert [other.advance([s]) for s in following] == [division.advance([s]) for s in following]
+    assert [parts_of(other, stride)[0] for stride in following] == parts_of(division, *following)
 
 
 def test_time_step_is_that_of_the_preset_at_most_and_parts_are_whole_steps():
@@ -71,8 +73,8 @@ def test_time_step_is_that_of_the_preset_at_most_and_parts_are_whole_steps():
     division, found = Division(preset), {}
     for stride in (SLOW, *np.geomspace(1e-6, 3e-3, 60)):
         division.reset()
-        parts = division.advance([stride])
-        found[parts] = division.steps()
+        (parts,) = parts_of(division, stride)
+        found[parts] = division.steps(parts)
     assert found[1] == pytest.approx((4, 2.5e-3))
     assert found[2] == pytest.approx((2, 2.5e-3))
     for parts, (count, step) in found.items():

@@ -147,3 +147,10 @@ class Drive:
         self._past = (command, *self._past[:-1]) if self._past else ()
         self._state = advance_drive(self._law, *self._state, wanted)
         return self._state[2]
+
+    def follow(self, commands: Array) -> Array:
+        """Advance along commands for the ends of control periods (P,); return the pulls there (P,) [m]."""
+        if not self.rigid:
+            return np.array([self.advance(command) for command in commands.tolist()])
+        self._state = (float(commands[-1]), 0.0, float(commands[-1]))
+        return commands

@@ -14,9 +14,9 @@ def choose_backend() -> str:
 
 os.environ.setdefault("MUJOCO_GL", choose_backend())  # dm_control, imported below, binds to it
 
-from twin.physics.batch import EndoscopeBatch, simulate_batch  # noqa: E402
-from twin.physics.endoscope import Endoscope, State  # noqa: E402
+from twin.physics.endoscope import Endoscope  # noqa: E402
 from twin.physics.model import model_xml  # noqa: E402
-from twin.physics.simulation import MUJOCO, simulate  # noqa: E402
+from twin.physics.simulation import MUJOCO, simulate, simulate_batch  # noqa: E402
+from twin.physics.stepping import State  # noqa: E402
 
-__all__ = ["MUJOCO", "Endoscope", "EndoscopeBatch", "State", "model_xml", "simulate", "simulate_batch"]
+__all__ = ["MUJOCO", "Endoscope", "State", "model_xml", "simulate", "simulate_batch"]

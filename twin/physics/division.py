@@ -14,11 +14,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.mechanics.kernels import entry
 from twin.physics.layout import Layout
 from twin.physics.model import constraint_time, implicit
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
 STEPPED = (
     "dof_armature",
     "dof_damping",
@@ -27,7 +29,7 @@ STEPPED = (
     "actuator_gainprm",
     "actuator_biasprm",
 )
-"""Fields of MuJoCo's models that depend on the time step, besides those of `load.py`."""
+"""Fields of a MuJoCo model that depend on the time step, besides those of `load.py`."""
 
 ADDED, CHANGED = 8e-3, 1e-3  # tension in a part, and its change, at most, as shares of the pretension [-]
 FADING = 0.75  # of the number of parts that a control period needed, from one to the next [-]
@@ -36,49 +38,57 @@ LEAST_PART = 1.5e-4  # shortest part [s]: far below, friction creeps, as its con
 
 
 class Division:
-    """Rule by which one endoscope divides its control periods, with what it has of the past."""
+    """Rule by which an endoscope divides its control periods.
+
+    Its `past` (1 + 2 planes,) are the parts that the last period needed, whole or not, and travel and
+    position of each pulley in it [m].
+    """
 
     def __init__(self, preset: Preset) -> None:
         """Begin at rest."""
         self._period, self._time_step = preset.control_period, preset.time_step
         self._stiffness = preset.wire_stiffness / max(preset.pretension, LEAST_TENSION)
         self._most = max(self._period / LEAST_PART, 1.0)
-        self.reset()
+        self.past = np.zeros(1 + 2 * preset.bending_planes)
 
     def reset(self) -> None:
         """Return to rest."""
-        self._needed, self.parts = 0.0, 1
-        self._strides: Sequence[float] = (0.0, 0.0)
+        self.past[:] = 0.0
 
-    def state(self) -> tuple[float, ...]:
-        """Return the parts that were needed, whole or not, and the last travel of the pulleys [m]."""
-        return self._needed, *self._strides
+    def parts(self, pulley: Array) -> Counts:
+        """Return the parts, a power of two, of each control period (P,), at the end of which pulleys are.
 
-    def restore(self, state: tuple[float, ...]) -> None:
-        """Restore a state that `state` returned."""
-        self._needed, *self._strides = state
-        self.parts = self._power_of_two()
-
-    def advance(self, strides: Sequence[float]) -> int:
-        """Return the parts, a power of two, of the next control period, in which the pulleys travel [m]."""
-        largest = max(map(abs, strides))
-        change = max(abs(now - before) for now, before in zip(strides, self._strides, strict=False))
-        needed = self._stiffness * max(largest / ADDED, change / CHANGED)
-        self._needed, self._strides = max(min(needed, self._most), FADING * self._needed), strides
-        self.parts = self._power_of_two()
-        return self.parts
-
-    def _power_of_two(self) -> int:
-        parts = 1
-        while parts < self._needed and 2 * parts <= self._most:
-            parts *= 2
+        Their positions are (P, planes) [m].
+        """
+        parts = np.empty(len(pulley), dtype=np.int64)
+        count_parts(pulley, self._stiffness, self._most, self.past, parts)
         return parts
 
-    def steps(self) -> tuple[int, float]:
+    def steps(self, parts: int) -> tuple[int, float]:
         """Return the number of time steps in a part, and their length [s]."""
-        part = self._period / self.parts
+        part = self._period / parts
         steps = math.ceil(part / self._time_step - 1e-9)
         return steps, part / steps
+
+
+@entry
+def count_parts(pulley: Array, stiffness: float, most: float, past: Array, parts: Counts) -> None:
+    """Write the parts of each control period (P,), and its `Division.past`.
+
+    `stiffness` is that of a wire over its tension at rest [1 / m], `most` the most parts.
+    """
+    planes = pulley.shape[1]
+    for k in range(len(pulley)):
+        needed = 0.0
+        for p in range(planes):
+            stride = pulley[k, p] - past[1 + planes + p]
+            change = stride - past[1 + p]
+            needed = max(needed, stiffness * abs(stride) / ADDED, stiffness * abs(change) / CHANGED)
+            past[1 + p], past[1 + planes + p] = stride, pulley[k, p]
+        past[0] = max(min(needed, most), FADING * past[0])
+        parts[k] = 1
+        while parts[k] < past[0] and 2 * parts[k] <= most:
+            parts[k] *= 2
 
 
 def write_time_step(preset: Preset, layout: Layout, fields: Sequence[Array], time_step: float) -> None:

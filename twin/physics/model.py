@@ -16,6 +16,7 @@ stop at once then goes on sliding for many steps, as h^2 K is far above M. Here 
 and tendons (`armature`), and friction is found for what is moved.
 """
 
+import copy
 import functools
 import math
 from collections.abc import Sequence
@@ -32,11 +33,12 @@ from twin.physics.layout import NEIGHBOURS, PLANES, WAYS
 from twin.preset.preset import Preset
 
 _FAR = -1.0  # lower end of the dead band of a wire's spring [m]: never reached, so the wire never pushes
-# Inertia over stiffness times the time step squared: light, and still a smooth stick and slip. A wire's own
-# mass would need steps of microseconds; far less finds the friction of neighbours in more iterations.
-_LIGHTNESS = 0.4
+# Inertia over stiffness times the time step squared, of elements and of hinges. It delays what begins to
+# move, by its share of the tension that the command adds in a step. Less finds friction in more iterations,
+# and with a fifth of it, endoscopes diverge. A wire's own mass would need steps of microseconds.
+_LIGHTNESS, _HINGE_LIGHTNESS = 0.1, 0.12
 _PULLEY_MASS = 0.1  # [kg]
-_TOLERANCE = 1e-15  # of the search for friction: MJCF that MuJoCo writes has no number below 1e-12 but 0
+_TOLERANCE = 1e-17  # of the search for friction: MJCF that MuJoCo writes has no number below 1e-12 but 0
 _MOST_JOINTS = 6  # that MuJoCo takes on one body
 
 
@@ -61,7 +63,7 @@ def implicit(preset: Preset, time_step: float) -> Implicit:
         _PULLEY_MASS + time_step * pulley_damping,
         _LIGHTNESS * segment * time_step**2,
         hinge_damping,
-        0.3 * _LIGHTNESS * bending * time_step**2 * preset.vertebrae + time_step * hinge_damping,
+        _HINGE_LIGHTNESS * bending * time_step**2 * preset.vertebrae + time_step * hinge_damping,
     )
 
 
@@ -101,6 +103,11 @@ def compiled_model(xml: str, *, drawn: bool) -> mujoco.MjModel:
     Without those, which MuJoCo would place in every step, it moves bit for bit as the whole one, as nothing
     of them has mass or touches anything.
     """
+    return copy.copy(_compiled(xml, drawn))
+
+
+@functools.lru_cache(maxsize=64)  # a copy takes a hundredth of the time
+def _compiled(xml: str, drawn: bool) -> mujoco.MjModel:
     spec = mujoco.MjSpec.from_string(xml)
     for unseen in () if drawn else (*spec.geoms, *spec.lights, *spec.cameras):
         spec.delete(unseen)

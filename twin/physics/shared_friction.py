@@ -12,14 +12,16 @@ steps. Friction falls within some control periods: MuJoCo takes two time steps t
 an element let go at once would slide several times too far.
 """
 
-from collections.abc import Sequence
+import math
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.mechanics.friction import CAUGHT_UP, LEAST_FRICTION, hinge_groups
-from twin.mechanics.kernels import entry
+from twin.mechanics.kernels import inlined, kernel
 from twin.physics.layout import Index, Layout
+from twin.physics.load import Forces
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
@@ -29,121 +31,130 @@ BREAKS_AWAY = 0.99  # force beyond sliding friction that breaks away, as a share
 FALL = 0.8  # factor within a control period on what stiction adds to the friction of what slides [-]
 
 
-class SharedFriction:
-    """Friction of the pairs of neighbours of B endoscopes of one layout with two planes.
+class Pairs(NamedTuple):
+    """Pairs of neighbours in two planes that share their friction: elements, pulley to tip, then hinges."""
 
-    Its `direction` (B, pairs) is that of the force that friction holds, over the friction of each [rad]: 0 in
-    the plane of wires a and b.
-    """
+    direction: Array  # (pairs,) of the force that friction holds, over the friction of each [rad]; state
+    dof: Index  # (2, pairs) joint of each neighbour, of hinges the first of a group
+    members: Index  # (pairs,) joints of each neighbour
+    first_wrap: Index  # (pairs + 1,) place of the first coefficient of each pair
+    arm: float  # moment arm of a wire [m]
+    hinge_stiffness: float  # of one hinge [N m / rad]
 
-    def __init__(self, presets: Sequence[Preset], layout: Layout, time_step: Array, part: Array) -> None:
-        """Begin with all directions in the first plane; `time_step` and `part` are those of `LoadLaw`."""
-        self.direction = np.zeros((len(presets), layout.shared.shape[1]))
-        self._time_step, self._part = time_step, part
-        groups = hinge_groups(presets[0].vertebrae)
-        self._arm = np.array([p.wire_offset for p in presets])[:, None, None]
-        self._hinge = np.array([p.section_stiffness * p.vertebrae for p in presets])[:, None, None]
-        self._size = np.array([len(group) for group in groups])
+    @classmethod
+    def of(cls, preset: Preset, layout: Layout) -> Self:
+        """Return the pairs of a preset, all directions in the plane of wires a and b."""
+        groups = hinge_groups(preset.vertebrae)
         a, b, c, d = layout.element
-        neighbours = [np.stack([a, c]), np.stack([b, d])]
-        self._dof = np.concatenate([*neighbours, layout.hinge[:, [group[0] for group in groups]]], axis=1)
-        self._members = np.array([1] * (a.size + b.size) + [len(group) for group in groups])
-        self._first_wrap = np.concatenate([[0], np.cumsum(2 * self._members)])
-
-    def write(self, sheath: Array, joints: Array, loss: Array, coefficient: Array) -> None:
-        """Write the friction of elements (B, 4, elements) [N] and of hinges (B, 2, groups) [N m]."""
-        friction = self._of_pairs(sheath, joints)
-        write_pairs(friction, self.direction, self._members, self._first_wrap, loss, coefficient)
-
-    def observe_constraints(
-        self, constraint: Array, qvel: Array, sheath: Array, joints: Array, damping: Array, moving: Index
-    ) -> None:
-        """Turn the directions towards those of the forces (B, nv) that friction holds, the only constraints.
-
-        Neighbours slide by x_p = lambda e_p / F_p in a period, with e along the direction, against springs
-        k_p. Turned by alpha, they lose alpha c = alpha lambda sum k_p a_p^2 / F_p^2 of the force across, with
-        a across it. So the turn by the force across is divided by 1 + c. `damping` (B, 4, elements + 1) of
-        the wire segments holds their stiffness [N s / m]; the endoscopes `moving` were stepped.
-        """
-        friction = self._of_pairs(sheath[moving], joints[moving])
-        tau = constraint[moving][:, self._dof] / friction
-        before = self.direction[moving]
-        along = np.stack([np.cos(before), np.sin(before)], axis=1)
-        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        slid = self._part[moving, None] * np.abs((qvel[moving][:, self._dof] * friction * along).sum(axis=1))
-        lost = slid * (self._stiffness(damping, moving) * (across / friction) ** 2).sum(axis=1)
-        held, ahead = (tau * across).sum(axis=1), (tau * along).sum(axis=1)
-        # Back along the same line is no turn.
-        turn = np.arctan2(np.copysign(held, held * ahead), np.abs(ahead)) / (1 + lost)
-        loaded = np.hypot(tau[:, 0], tau[:, 1]) > LEAST_FORCE
-        self.direction[moving] = np.where(loaded, before + turn, before)
-
-    def _stiffness(self, damping: Array, moving: Index) -> Array:
-        """Return the stiffness that holds each member of a pair, (b, 2, pairs) [N / m] and [N m / rad]."""
-        segment = damping[moving] / self._time_step[moving, None, None]
-        of_tips = segment[:, :, -1].reshape(len(moving), 2, 2).sum(axis=2)[:, :, None]
-        of_hinges = self._hinge[moving] + self._arm[moving] ** 2 * self._size * of_tips
-        return self._of_pairs(segment[:, :, :-1] + segment[:, :, 1:], of_hinges)
-
-    def _of_pairs(self, sheath: Array, joints: Array) -> Array:
-        """Return friction or stiffness of both members of each pair, (B, 2, pairs)."""
-        a, b, c, d = (sheath[:, wire] for wire in range(4))
-        first = np.concatenate([a, b, joints[:, 0]], axis=1)
-        second = np.concatenate([c, d, joints[:, 1]], axis=1)
-        friction: Array = np.maximum(np.stack([first, second], axis=1), LEAST_FRICTION)
-        return friction
+        hinges = layout.hinge[:, [group[0] for group in groups]]
+        members = np.array([1] * (a.size + b.size) + [len(group) for group in groups])
+        return cls(
+            direction=np.zeros(len(members)),
+            dof=np.concatenate([np.stack([a, c]), np.stack([b, d]), hinges], axis=1),
+            members=members,
+            first_wrap=np.concatenate([[0], np.cumsum(2 * members)]),
+            arm=preset.wire_offset,
+            hinge_stiffness=preset.section_stiffness * preset.vertebrae,
+        )
 
 
-@entry
-def write_pairs(
-    friction: Array, direction: Array, members: Index, first_wrap: Index, loss: Array, coefficient: Array
-) -> None:
-    """Write friction and coefficients of the tendons along and across directions (B, pairs) [rad].
+@inlined
+def _friction(forces: Forces, pair: int, plane: int) -> float:
+    """Return the friction of one neighbour of a pair [N], of hinges [N m]."""
+    elements = forces.sheath.shape[1]
+    if pair < 2 * elements:
+        return max(float(forces.sheath[2 * plane + pair // elements, pair % elements]), LEAST_FRICTION)
+    return max(float(forces.joints[plane, pair - 2 * elements]), LEAST_FRICTION)
 
-    Friction is (B, 2, pairs) of both neighbours, `members` (pairs,) the joints of each neighbour,
-    `first_wrap` (pairs + 1,) the place of the first coefficient of each pair. Written are `loss` (B, 2,
-    pairs) and `coefficient` (B, 2, wraps): of the members of the first neighbour, then of the second.
+
+@inlined
+def _stiffness(pairs: Pairs, forces: Forces, pair: int, plane: int, time_step: float) -> float:
+    """Return the stiffness that holds one neighbour of a pair [N / m], of hinges [N m / rad].
+
+    The damping of the wire segments holds that of each [N s / m].
     """
-    for b in range(len(friction)):
-        for k in range(friction.shape[2]):
-            first, second = friction[b, 0, k], friction[b, 1, k]
-            largest = max(first, second)
-            cos, sin = np.cos(direction[b, k]), np.sin(direction[b, k])
-            loss[b, 0, k] = loss[b, 1, k] = largest
-            start, middle, end = first_wrap[k], first_wrap[k] + members[k], first_wrap[k + 1]
-            coefficient[b, 0, start:middle] = cos * first / largest
-            coefficient[b, 0, middle:end] = sin * second / largest
-            coefficient[b, 1, start:middle] = -sin * first / largest
-            coefficient[b, 1, middle:end] = cos * second / largest
+    elements, damping = forces.sheath.shape[1], forces.damping
+    if pair < 2 * elements:
+        wire, i = 2 * plane + pair // elements, pair % elements
+        return float(damping[wire, i] + damping[wire, i + 1]) / time_step
+    of_tips = float(damping[2 * plane, elements] + damping[2 * plane + 1, elements]) / time_step
+    return pairs.hinge_stiffness + pairs.arm**2 * float(pairs.members[pair]) * of_tips
 
 
-class Sticking:
-    """Elements at rest, of B endoscopes of one layout. With two planes, neighbours stick and slip as one.
+@kernel
+def write_pairs(pairs: Pairs, forces: Forces) -> None:
+    """Write friction and coefficients of the tendons along and across the directions."""
+    for k in range(len(pairs.direction)):
+        first, second = _friction(forces, k, 0), _friction(forces, k, 1)
+        largest = max(first, second)
+        cos, sin = math.cos(pairs.direction[k]), math.sin(pairs.direction[k])
+        forces.loss[0, k] = forces.loss[1, k] = largest
+        start, end = pairs.first_wrap[k], pairs.first_wrap[k + 1]
+        middle = start + pairs.members[k]
+        forces.coefficient[0, start:middle] = cos * first / largest
+        forces.coefficient[0, middle:end] = sin * second / largest
+        forces.coefficient[1, start:middle] = -sin * first / largest
+        forces.coefficient[1, middle:end] = cos * second / largest
 
-    Their `grip` (B, sides, elements) is the share of what stiction adds that holds each, 1 at rest [-]; sides
-    are wires a and b, or with two planes a with c and b with d.
+
+@kernel
+def turn(pairs: Pairs, forces: Forces, constraint: Array, qvel: Array, time_step: float, part: float) -> None:
+    """Turn the directions towards those of the forces (nv,) that friction holds, the only constraints.
+
+    Neighbours slide by x_p = lambda e_p / F_p in a part of a period [s], with e along the direction, against
+    springs k_p. Turned by alpha, they lose alpha c = alpha lambda sum k_p a_p^2 / F_p^2 of the force across,
+    with a across it. So the turn by the force across is divided by 1 + c.
     """
+    for k in range(len(pairs.direction)):
+        before = pairs.direction[k]
+        cos, sin = math.cos(before), math.sin(before)
+        ahead = held = slid = softness = size = 0.0
+        for plane, along, across in ((0, cos, -sin), (1, sin, cos)):
+            dof, friction = pairs.dof[plane, k], _friction(forces, k, plane)
+            tau = constraint[dof] / friction
+            size = math.hypot(size, tau)
+            held += tau * across
+            ahead += tau * along
+            slid += qvel[dof] * friction * along
+            softness += _stiffness(pairs, forces, k, plane, time_step) * (across / friction) ** 2
+        if size > LEAST_FORCE:
+            # Back along the same line is no turn.
+            angle = math.atan2(math.copysign(held, held * ahead), abs(ahead))
+            pairs.direction[k] = before + angle / (1 + part * abs(slid) * softness)
 
-    def __init__(self, presets: Sequence[Preset], layout: Layout, part: Array) -> None:
-        """Begin with all at rest; `part` is that of `LoadLaw`."""
-        self._wires: Index = np.arange(len(layout.element)).reshape(len(layout.hinge), -1)
-        self._stiction = np.array([preset.stiction for preset in presets])[:, None, None]
-        self.grip = np.ones((len(presets), self._wires.shape[1], layout.element.shape[1]))
-        self._part, self._period = part, presets[0].control_period
 
-    def hold(self, sheath: Array, tension: Array, moving: Index) -> None:
-        """Let go what breaks away, hold what has caught up, and raise the friction of both, in place.
+class Sticking(NamedTuple):
+    """Stick and slip of the elements. With two planes, neighbours stick and slip as one."""
 
-        From the friction of sliding (B, wires, elements) and the tension of the segments (B, wires, elements
-        + 1), without damping [N].
-        """
-        stiction, grip = self._stiction[moving], self.grip[moving]
-        pulled = (np.diff(tension, axis=2) / sheath)[moving][:, self._wires]
-        beyond = np.sqrt((pulled**2).sum(axis=1)) - 1.0
-        fall = FALL ** (self._part[moving] / self._period)
-        slides = (beyond >= BREAKS_AWAY * stiction) | (grip < 1.0)
-        grip = np.where(slides, grip * fall[:, None, None], grip)
-        grip[beyond <= CAUGHT_UP * stiction] = 1.0
-        self.grip[moving] = grip
-        for wires in self._wires:
-            sheath[np.ix_(moving, wires)] *= 1 + stiction * grip
+    grip: Array  # (sides, elements) share of what stiction adds that holds each, 1 at rest [-]; state
+    stiction: float  # friction at rest beyond that of sliding, as a share of it [-]
+    period: float  # control period [s]
+
+    @classmethod
+    def of(cls, preset: Preset, layout: Layout) -> Self:
+        """Return the elements of a preset at rest; sides are wires a and b, or a with c and b with d."""
+        return cls(np.ones((2, layout.element.shape[1])), preset.stiction, preset.control_period)
+
+
+@kernel
+def hold(sticking: Sticking, forces: Forces, part: float) -> None:
+    """Let go what breaks away, hold what has caught up, and raise the friction of both.
+
+    Forces have the friction of sliding; the time since the last call is a part of the control period [s].
+    """
+    stiction, fall = sticking.stiction, FALL ** (part / sticking.period)
+    sides, elements = sticking.grip.shape
+    for side in range(sides):
+        for i in range(elements):
+            pulled = 0.0
+            for w in range(side, len(forces.sheath), sides):
+                tension = forces.tension[w, i + 1] - forces.tension[w, i]
+                pulled = math.hypot(pulled, tension / forces.sheath[w, i])
+            grip = sticking.grip[side, i]
+            if pulled - 1.0 >= BREAKS_AWAY * stiction or grip < 1.0:
+                grip *= fall
+            if pulled - 1.0 <= CAUGHT_UP * stiction:
+                grip = 1.0
+            sticking.grip[side, i] = grip
+            for w in range(side, len(forces.sheath), sides):
+                forces.sheath[w, i] *= 1 + stiction * grip

@@ -1,18 +1,21 @@
-"""Simulation of one endoscope along a command signal: arrays in, an `Episode` out."""
+"""Simulation of endoscopes along command signals: arrays in, an `Episode` for each out."""
 
 import dataclasses
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.episode import Episode
-from twin.mechanics.command import Command, record_of
-from twin.physics.endoscope import Endoscope, State
-from twin.physics.layout import Layout
-from twin.physics.load import Wires
-from twin.preset.preset import Preset
+from twin.errors import DivergedError
+from twin.mechanics.command import ALIKE, Command, check_alike, commands_of, record_of
+from twin.physics.endoscope import Endoscope
+from twin.physics.model import model_xml
+from twin.physics.stepping import State, Stepper
+from twin.preset.preset import Preset, at_sample_time
 
 Array = NDArray[np.float64]
 
@@ -32,51 +35,81 @@ def simulate(
 ) -> Episode:
     """Simulate an endoscope along a command signal; see `twin.simulate`."""
     command = Command.of(preset, pull, sample_time, lateral_pull, sheath_bend)
-    # No caller can draw it, so it is built without shapes.
-    endoscope = endoscope or Endoscope.from_preset(preset, drawn=on_sample is not None)
+    if endoscope is None and on_sample is not None:
+        endoscope = Endoscope.from_preset(preset)
+    stepper = Stepper.of(preset) if endoscope is None else endoscope.stepper
     if state is not None:
-        endoscope.restore_state(state)
-    else:
-        for inputs in command.before.tolist():
-            endoscope.advance(*inputs)
-    record = Recorder(command, endoscope.layout)
-    qpos, friction = endoscope.data.ptr.qpos, endoscope.sheath_friction
-    for k, periods in enumerate(command.between.tolist()):
-        for inputs in periods if k > 0 else ():
-            endoscope.advance(*inputs)
-        record.add(k, qpos, friction())
+        stepper.restore_state(state)
+    if endoscope is None or on_sample is None:
+        return _episode(stepper, command, approach=state is None)
+    notify = on_sample
+    return _episode(stepper, command, approach=state is None, on_sample=lambda: notify(endoscope))
+
+
+def simulate_batch(
+    presets: Sequence[Preset],
+    pulls: Sequence[Array],
+    sample_time: float,
+    *,
+    sheath_bends: Sequence[Array | float | None] | None = None,
+    lateral_pulls: Sequence[Array | None] | None = None,
+    threads: int = 0,
+    on_sample: Callable[[int, int], None] | None = None,
+) -> list[Episode | None]:
+    """Simulate many endoscopes at once, each along its own command; see `twin.simulate_batch`.
+
+    The records are those of `simulate`, bit for bit, for any number of threads.
+    """
+    presets = [at_sample_time(preset, sample_time) for preset in presets]
+    commands = commands_of(presets, pulls, sample_time, lateral_pulls, sheath_bends)
+    check_alike(presets, (*ALIKE, "time_step"))
+    total, records = sum(len(command.pull) for command in commands), []
+
+    def run(command: Command) -> Episode | None:
+        try:
+            return _episode(Stepper.of(command.preset), command)
+        except DivergedError:
+            return None
+
+    done = 0
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        for command, record in zip(commands, pool.map(run, commands), strict=True):
+            records.append(record)
+            done += len(command.pull)
+            if on_sample is not None:
+                on_sample(done, total)
+    return records
+
+
+def _episode(
+    stepper: Stepper, command: Command, *, approach: bool = True, on_sample: Callable[[], None] | None = None
+) -> Episode:
+    """Drive an endoscope along a command, from rest to its first sample if it is to approach that."""
+    layout, samples = stepper.layout, len(command.pull)
+    qpos, friction = np.empty((samples, len(stepper.motion.qpos))), np.empty((samples, *layout.element.shape))
+    if approach:
+        stepper.advance(command.before)
+    qpos[0], friction[0] = stepper.motion.qpos, stepper.motion.forces.sheath
+    if on_sample is not None:
+        on_sample()
+    stride = 1 if on_sample is not None else max(samples - 1, 1)
+    for first in range(1, samples, stride):
+        rows = slice(first, first + stride)
+        stepper.advance(command.between[rows].reshape(-1, 3), (qpos[rows], friction[rows]))
         if on_sample is not None:
-            on_sample(endoscope)
-    return record.episode(endoscope.xml)
+            on_sample()
 
-
-class Recorder:
-    """Recorder of a simulation: collects the readings of every sample into an `Episode`."""
-
-    def __init__(self, command: Command, layout: Layout) -> None:
-        count = len(command.pull)
-        self._command, self._layout = command, layout
-        self._qpos = np.empty((count, layout.hinge.size + layout.pulley.size + layout.element.size))
-        self._sheath_friction = np.empty((count, *layout.element.shape))
-
-    def add(self, sample: int, qpos: Array, sheath_friction: Array) -> None:
-        """Store a sample: positions (nq,), friction (wires, elements); tension and slack follow from them."""
-        self._qpos[sample] = qpos
-        self._sheath_friction[sample] = sheath_friction
-
-    def episode(self, xml: str) -> Episode:
-        """Return the recorded episode, with the MJCF model attached."""
-        # Contiguous, so that sums round as `Endoscope.bend` does.
-        joint_angle = np.ascontiguousarray(self._qpos[:, self._layout.hinge])
-        tension, slack = Wires([self._command.preset], self._layout).tension_and_slack(self._qpos)
-        record = record_of(
-            self._command,
-            bend=joint_angle.sum(axis=2),
-            joint_angle=joint_angle,
-            wire_tension=tension,
-            sheath_friction=self._sheath_friction,
-            wire_slack=slack,
-            pulley=self._qpos[:, self._layout.pulley[0]],
-            metadata={"mujoco": MUJOCO},
-        )
-        return dataclasses.replace(record, attachments={"endoscope.xml": xml.encode()})
+    # Contiguous, so that sums round as `Endoscope.bend` does.
+    joint_angle = np.ascontiguousarray(qpos[:, layout.hinge])
+    tension, slack = stepper.wires.tension_and_slack(qpos)
+    record = record_of(
+        command,
+        bend=joint_angle.sum(axis=2),
+        joint_angle=joint_angle,
+        wire_tension=tension,
+        sheath_friction=friction,
+        wire_slack=slack,
+        pulley=qpos[:, layout.pulley[0]],
+        metadata={"mujoco": MUJOCO},
+    )
+    return dataclasses.replace(record, attachments={"endoscope.xml": model_xml(stepper.preset).encode()})

@@ -11,7 +11,8 @@ from twin.errors import InputError, needs_extra
 from twin.preset.preset import Preset, at_sample_time
 
 if TYPE_CHECKING:
-    from twin.physics.endoscope import Endoscope, State
+    from twin.physics.endoscope import Endoscope
+    from twin.physics.stepping import State
     from twin.reduced.parameters import ReducedState
     from twin.reduced.twins import ReducedEndoscope
 
