@@ -20,12 +20,28 @@ from twin.mechanics.friction import (
     joint_friction,
 )
 from twin.mechanics.kernels import inlined, kernel
-from twin.mechanics.wire import ABSENT, quadratic_stiffness, rest_stretch, segment_stiffness, tension_at
+from twin.mechanics.wire import (
+    ABSENT,
+    quadratic_stiffness,
+    rest_stretch,
+    segment_stiffness,
+    taut_part,
+    tension_at,
+    toe_width,
+)
 from twin.physics.layout import Index, Layout, consecutive
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-REWRITTEN = ("dof_frictionloss", "tendon_frictionloss", "tendon_damping", "tendon_armature", "wrap_prm")
+REWRITTEN = (
+    "dof_frictionloss",
+    "tendon_frictionloss",
+    "tendon_damping",
+    "tendon_armature",
+    "wrap_prm",
+    "tendon_stiffness",
+    "tendon_lengthspring",
+)
 """Fields of a MuJoCo model that follow the load."""
 NEARLY_TAUT = 1e-6  # slack up to which a wire counts as taut [m]
 # Share of their inertia that slack segments keep. A chain of them that turns taut is stable, until the next
@@ -34,6 +50,7 @@ SLACK_SHARE = 0.5
 
 _friction_drift = inlined(friction_drift)
 _friction_floor = inlined(friction_floor)
+_taut_part = inlined(taut_part)
 
 
 class Forces(NamedTuple):
@@ -48,12 +65,14 @@ class Forces(NamedTuple):
     inertia: Array  # of the wire segments, (wires, elements + 1) [kg]: see `model.py`
     loss: Array  # friction of pairs of neighbours, along and across, (2, pairs); none with one plane
     coefficient: Array  # of their tendons, (2, wraps); likewise
+    stiffness: Array  # of the wire segments with a toe, (wires, elements + 1) [N / m]
+    length: Array  # at which these have no tension, (wires, elements + 1) [m]
     tension: Array  # of the wire segments, without damping, (wires, elements + 1) [N]
 
     @classmethod
     def of(cls, layout: Layout, fields: Sequence[Array]) -> Self:
         """Return the views of the fields `REWRITTEN` of a model."""
-        joint_loss, tendon_loss, tendon_damping, tendon_inertia, wraps = fields
+        joint_loss, tendon_loss, tendon_damping, tendon_inertia, wraps, stiffness, length = fields
 
         def view(field: Array, index: Index) -> Array:
             return field[consecutive(index)].reshape(index.shape)
@@ -66,7 +85,8 @@ class Forces(NamedTuple):
             joints = np.zeros((planes, layout.shared.shape[1] - 2 * layout.element.shape[1]))
         damping, inertia = view(tendon_damping, layout.wire), view(tendon_inertia, layout.wire)
         loss, coefficient = view(tendon_loss, layout.shared), view(wraps, layout.wrap)
-        return cls(sheath, joints, damping, inertia, loss, coefficient, np.zeros(layout.wire.shape))
+        springs = view(stiffness, layout.wire), view(length[:, 1], layout.wire)
+        return cls(sheath, joints, damping, inertia, loss, coefficient, *springs, np.zeros(layout.wire.shape))
 
 
 class LoadLaw(NamedTuple):
@@ -78,6 +98,7 @@ class LoadLaw(NamedTuple):
     arm: float  # moment arm of a wire [m]
     stiffness: float  # of a wire segment without tension [N / m]
     quadratic: float  # coefficient of its stretch squared [N / m^2]
+    width: float  # of the toe of a wire segment [m]
     damping: float  # of a wire segment itself [N s / m]
     rest_stretch: Array  # (wires, elements + 1) stretch of each segment at positions of zero [m]
     joint: Array  # (groups,) own friction of a hinge of each group [N m]
@@ -106,6 +127,7 @@ class LoadLaw(NamedTuple):
             arm=preset.wire_offset,
             stiffness=segment_stiffness(preset),
             quadratic=quadratic_stiffness(preset),
+            width=toe_width(preset),
             damping=preset.wire_damping * (elements + 1),
             rest_stretch=Wires(preset, layout).rest_stretch,
             joint=joint_friction(preset),
@@ -158,6 +180,8 @@ def follow_load(
     time step, a step is one of backward Euler (`model.py`). A segment that will be taut before the next
     update, in a part of the control period [s], has it already.
 
+    A segment with a toe has the spring of MuJoCo that touches its law where it is now.
+
     Inertia has the stiffness expected at the next update, and segments that are slack keep a share of it: an
     element that slides may pull its neighbours taut within the period, and a chain of taut segments diverges
     at any time step where this inertia is missing. Unlike damping, it does not drag.
@@ -185,13 +209,19 @@ def follow_load(
                     end, end_rate = side * law.arm * bend, side * law.arm * bend_rate
                 stretch = law.rest_stretch[w, i] + start - end
                 soon = stretch + ahead * (start_rate - end_rate)
-                taut = max(stretch, 0.0)
+                taut, share = _taut_part(stretch, law.width)
                 tension = taut * (stiffness + quadratic * taut)
                 if i > 0:
                     forces.sheath[w, i - 1] = half_share * (tension + before) + floor
                 damping, inertia = 0.0, 0.0
                 stiffest = own + time_step * (stiffness + 2 * quadratic * max(taut, soon))
-                if max(stretch, soon) > -NEARLY_TAUT:
+                if law.width > 0.0:
+                    slope = share * (stiffness + 2 * quadratic * taut)
+                    damping, inertia = share * own + time_step * slope, time_step * stiffest
+                    forces.stiffness[w, i] = slope
+                    if slope > 0.0:
+                        forces.length[w, i] = start - end - tension / slope
+                elif max(stretch, soon) > -NEARLY_TAUT:
                     damping = own + time_step * (stiffness + 2 * quadratic * taut)
                     inertia = time_step * stiffest
                 elif stretch > -ABSENT / 2:
@@ -216,10 +246,7 @@ class Wires:
 
     def __init__(self, preset: Preset, layout: Layout) -> None:
         self._shape = layout.wire.shape
-        self.stiffness, self.quadratic = (
-            segment_stiffness(preset),
-            quadratic_stiffness(preset),
-        )  # [N / m^(1, 2)]
+        self._law = segment_stiffness(preset), quadratic_stiffness(preset), toe_width(preset)
         self.rest_stretch = np.array([rest_stretch(preset, bool(w % 2)) for w in range(len(layout.element))])
         self.lengthening = _lengthening(preset, layout)
 
@@ -227,7 +254,7 @@ class Wires:
         """Return tension [N] and slack [m] of each segment, both (N, wires, elements + 1), at (N, nq)."""
         lengthened = np.matmul(self.lengthening, qpos[:, :, None]).reshape(-1, *self._shape)
         stretch = self.rest_stretch + lengthened
-        return tension_at(stretch, self.stiffness, self.quadratic), np.maximum(-stretch, 0.0)
+        return tension_at(stretch, *self._law), np.maximum(-stretch, 0.0)
 
 
 def _lengthening(preset: Preset, layout: Layout) -> Array:

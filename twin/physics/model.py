@@ -224,7 +224,7 @@ def _add_wire(spec: mujoco.MjSpec, preset: Preset, wire: str) -> None:
     for length, stretch in enumerate(rest_stretch(preset, antagonist=side < 0)):
         tendon = spec.add_tendon(
             name=f"wire_{wire}{length}",
-            stiffness=[stiffness, quadratic, 0],
+            stiffness=[stiffness, 0.0 if preset.wire_toe else quadratic, 0],
             damping=[damping, 0, 0],
             armature=preset.time_step * damping,
             springlength=[_FAR, -float(stretch)],

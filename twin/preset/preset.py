@@ -51,9 +51,7 @@ class Preset:
     # The wires.
     wire_stiffness: float = _within(8e3, 10.0, 1e6)  # E A / length of an entire wire, without tension [N / m]
     wire_stiffening: float = _within(0.0, 0.0, 10.0)  # growth with tension [1 / N]: strands and liner settle
-    wire_toe: float = _within(
-        0.0, 0.0, 100.0
-    )  # tension up to which an entire wire is soft [N]
+    wire_toe: float = _within(0.0, 0.0, 100.0)  # tension up to which an entire wire is soft [N]
     wire_damping: float = _within(3.0, 0.0, 1e5)  # of one entire wire against its stretch rate [N s / m]
     pretension: float = _within(3.0, 0.0, 500.0)  # as wound up, at the pulley [N]; less at the tip
     wire_slack: float = _within(0.0, 0.0, 0.02)  # of each wire in a new, straight endoscope [m]
