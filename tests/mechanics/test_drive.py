@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from twin.mechanics.drive import Drive
+from twin.mechanics.drive import PARTS, Drive
 from twin.preset.preset import Preset
 
 PERIOD = Preset("reference").control_period
@@ -186,14 +186,16 @@ def test_speed_and_acceleration_stay_within_their_limits(parameters, path, hold)
         assert np.abs(change).max() <= parameters["servo_acceleration"] * PERIOD**2 + ROUNDING
 
 
-@given(acceleration=ACCELERATIONS, strides=st.integers(1, 100))
-def test_acceleration_limit_alone_gives_the_triangle_of_speed(acceleration, strides):
-    change = acceleration * PERIOD**2  # up to `strides` times it and down: a sum of strides^2 of them
-    motor = motor_path(drive(servo_acceleration=acceleration), [strides**2 * change] * (2 * strides + 1))
-    speed = np.diff(motor) / change
-    expected = [*range(1, strides), *range(strides, 0, -1), 0, 0]
-    np.testing.assert_allclose(speed, expected, atol=1e-6)
-    assert motor[-1] == strides**2 * change
+@given(acceleration=ACCELERATIONS, periods=st.integers(2, 100))
+def test_acceleration_limit_alone_gives_the_triangle_of_speed(acceleration, periods):
+    unit = acceleration * PERIOD**2
+    way = periods**2 * unit  # half of it speeding up for so many control periods, half of it slowing down
+    motor = motor_path(drive(servo_acceleration=acceleration), [way] * (2 * periods + 1)) / unit
+    time = np.arange(2 * periods + 2)
+    left = np.maximum(2 * periods - time, 0)
+    triangle = np.where(time <= periods, time**2 / 2, periods**2 - left**2 / 2)
+    np.testing.assert_allclose(motor, triangle, atol=1.01 * periods / PARTS)
+    assert motor[-1] == pytest.approx(periods**2)
 
 
 @given(parameters=DRIVES, first=DISTANCES, second=DISTANCES)

@@ -16,8 +16,9 @@ from twin.errors import InputError
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-DriveState = tuple[float, float, float]  # motor, its distance in the last control period, pulley [m]
+DriveState = tuple[float, float, float]  # motor, its stride (see `Drive`), pulley [m]
 PULLEY_STIFFNESS = 4e6  # of the spring that holds a pulley where its drive is, far above a wire's [N / m]
+PARTS = 16  # of a control period, in each of which a motor that is late may change its speed
 _LEAST_CHANGE = 1e-200  # of the velocity per control period [m]: a smaller one could underflow to zero
 
 
@@ -67,25 +68,33 @@ def advance_drive(law: DriveLaw, motor: float, stride: float, pulley: float, com
     if law.stiff:
         motor = law.encoder_step * round(command / law.encoder_step) if law.encoder_step else command
     else:
-        if law.encoder_step:
-            counts = round(command / law.encoder_step) - round(motor / law.encoder_step)
-            error = law.encoder_step * counts
-            # The true travel is up to half a count shorter than the counted one. Stopping a quarter before
-            # its end, the motor stays clear of the far edge of the count, where it would have to turn back.
-            reach = abs(error) - law.encoder_step / 4 if counts else 0.0
-        else:
-            error = command - motor
-            reach = abs(error)
+        # A motor that its acceleration keeps from the command has a path of its own within the period.
+        late = max(abs(command - motor), abs(command - motor - stride)) > law.change
+        parts = PARTS if late and not law.encoder_step else 1
+        longest, change, stride = law.longest / parts, law.change / parts**2, stride / parts
+        share = law.share if parts == 1 else 1.0 - (1.0 - law.share) ** (1.0 / parts)
+        for _ in range(parts):
+            if law.encoder_step:
+                counts = round(command / law.encoder_step) - round(motor / law.encoder_step)
+                error = law.encoder_step * counts
+                # The true travel is up to half a count shorter than the counted one. Stopping a quarter
+                # before its end, the motor stays clear of the far edge of the count, where it would have to
+                # turn back.
+                reach = abs(error) - law.encoder_step / 4 if counts else 0.0
+            else:
+                error = command - motor
+                reach = abs(error)
 
-        size = min(law.share * abs(error), law.longest, reach)
-        if law.change < math.inf:
-            periods = max(1, math.ceil((math.sqrt(1 + 8 * reach / law.change) - 1) / 2))
-            size = min(size, reach / periods + law.change * (periods - 1) / 2)
-        before, stride = stride, math.copysign(size, error)
-        stride = min(max(stride, before - law.change), before + law.change)
+            size = min(share * abs(error), longest, reach)
+            if change < math.inf:
+                steps = max(1, math.ceil((math.sqrt(1 + 8 * reach / change) - 1) / 2))
+                size = min(size, reach / steps + change * (steps - 1) / 2)
+            before, stride = stride, math.copysign(size, error)
+            stride = min(max(stride, before - change), before + change)
 
-        # Arrived without an encoder: motor + (command - motor) may miss the command by its last digit.
-        motor = command if stride == error and not law.encoder_step else motor + stride
+            # Arrived without an encoder: motor + (command - motor) may miss the command by its last digit.
+            motor = command if stride == error and not law.encoder_step else motor + stride
+        stride *= parts
 
     # The pulley rests until a flank of the gear pushes it: wires do not drive a worm gear back.
     if not law.half_play:
@@ -102,7 +111,9 @@ class Drive:
 
     Motor and pulley are at 0 where the command is at `zero`.
 
-    The motor moves by one *stride* s in each control period T, by the error e that its encoder counts:
+    The motor moves by one *stride* s in each control period T, by the error e that its encoder counts. Where
+    the acceleration limit keeps it from the command, T is a part of the control period: then its path hardly
+    depends on that. The state has the stride at the last speed.
 
         s = e (1 - exp(-gain T))               position loop: de/dt = -gain e, exact over T
         |s| <= speed T                         speed limit
