@@ -16,9 +16,9 @@ from twin.reduced import ReducedTwins
 pytestmark = pytest.mark.skipif(not kernels.COMPILED, reason="nothing is compiled here")
 PROGRAM = """
 import numpy as np
-from twin.mechanics.kernels import entry, inlined, on_compile
+from twin.mechanics.kernels import entry, kernel, on_compile
 
-@inlined
+@kernel
 def doubled(value):
     return 2.0 * value
 

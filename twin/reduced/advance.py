@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from twin.mechanics.drive import DriveLaw, advance_drive, delayed_command
 from twin.mechanics.friction import friction_drift, friction_floor
-from twin.mechanics.kernels import entry, fused, inlined, kernel
+from twin.mechanics.kernels import entry, kernel
 from twin.preset.preset import Preset
 from twin.reduced import parameters as at
 from twin.reduced.one_plane import Array, Hinge, Plane, Segment, Work, copy_row, copy_rows, solve_plane
@@ -17,9 +17,9 @@ from twin.reduced.parameters import Parameters, ReducedState, new_state
 from twin.reduced.two_planes import BothPlanes, Positions, solve_both_planes
 
 _advance_drive = kernel(advance_drive)
-_delayed_command = inlined(delayed_command)
-_friction_drift = inlined(friction_drift)
-_friction_floor = inlined(friction_floor)
+_delayed_command = kernel(delayed_command)
+_friction_drift = kernel(friction_drift)
+_friction_floor = kernel(friction_floor)
 
 
 class Workspace(NamedTuple):
@@ -82,7 +82,7 @@ def advance(
                 trace.drift[k] = _drift_of(parameters, state, first + m)
 
 
-@fused
+@kernel
 def advance_one(
     parameters: Parameters, state: ReducedState, work: Workspace, m: int, inputs: Array, periods: int
 ) -> None:
@@ -134,7 +134,7 @@ def advance_one(
         run[m, at.COMMAND + column] = inputs[column]
 
 
-@inlined
+@kernel
 def _drift_of(parameters: Parameters, state: ReducedState, m: int) -> float:
     """Return the factor on the sheath's friction by warm-up and wear."""
     constants, time, travel = parameters.constants, state.run[m, at.TIME], state.run[m, at.TRAVEL]
@@ -142,7 +142,7 @@ def _drift_of(parameters: Parameters, state: ReducedState, m: int) -> float:
     return float(_friction_drift(warm_up, warm_up_time, constants[m, at.WEAR], time, travel))
 
 
-@fused
+@kernel
 def _increment(
     parameters: Parameters, state: ReducedState, work: Workspace, m: int, periods: int, sheath_bend: float
 ) -> None:
@@ -173,7 +173,7 @@ def _increment(
     run[m, at.MISSING_FORCE] = max(run[m, at.MISSING_FORCE], missing) if missing < math.inf else math.inf
 
 
-@inlined
+@kernel
 def _solve(
     work: Work | None, both: BothPlanes | None, plane: Plane, state: ReducedState, m: int, periods: int
 ) -> float:

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import CAUGHT_UP
-from twin.mechanics.kernels import fused, inlined
+from twin.mechanics.kernels import kernel
 
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]
@@ -85,14 +85,14 @@ class Plane(NamedTuple):
     holds: float  # friction of the sheath at rest over that of sliding [-]
 
 
-@inlined
+@kernel
 def copy_row(to: NDArray[Any], values: NDArray[Any]) -> None:
     """Copy the numbers of an array into another one."""
     for i in range(len(to)):
         to[i] = values[i]
 
 
-@inlined
+@kernel
 def copy_rows(to: NDArray[Any], values: NDArray[Any]) -> None:
     """Copy the numbers of an array of two dimensions into another one."""
     for i in range(to.shape[0]):
@@ -100,7 +100,7 @@ def copy_rows(to: NDArray[Any], values: NDArray[Any]) -> None:
             to[i, k] = values[i, k]
 
 
-@inlined
+@kernel
 def bend_of(size: Array, hinge: Array) -> float:
     """Return the bending angle [rad] from number and angle of the hinges of each group."""
     bend = 0.0
@@ -109,7 +109,7 @@ def bend_of(size: Array, hinge: Array) -> float:
     return bend
 
 
-@inlined
+@kernel
 def load_of(law: Segment, stretch: float, before: float) -> tuple[float, float, float]:
     """Return elastic tension [N], tension with damping [N] and its slope [N / m] of a segment.
 
@@ -124,7 +124,7 @@ def load_of(law: Segment, stretch: float, before: float) -> tuple[float, float, 
     return tension, force, slope
 
 
-@inlined
+@kernel
 def hinge_torque(law: Hinge, rest: float, angle: float, before: float) -> tuple[float, float]:
     """Return the torque of spring and damping of a hinge [N m] and its slope [N m / rad]."""
     away = angle - rest
@@ -133,7 +133,7 @@ def hinge_torque(law: Hinge, rest: float, angle: float, before: float) -> tuple[
     return torque, slope
 
 
-@inlined
+@kernel
 def larger(a: float, b: float) -> float:
     """Return the larger of two numbers; infinity where one is no number."""
     if math.isnan(a) or math.isnan(b):
@@ -141,7 +141,7 @@ def larger(a: float, b: float) -> float:
     return max(a, b)
 
 
-@inlined
+@kernel
 def turn_of(size: float, angle: float, turned: float) -> float:
     """Return the angle by which a group of `size` hinges turns the wires in both planes [rad].
 
@@ -180,7 +180,7 @@ class Work(NamedTuple):
         return cls(np.zeros((12, 2 * elements + 2)), np.zeros((4, groups)))
 
 
-@fused
+@kernel
 def solve_plane(
     plane: Plane, work: Work, element: Array, hinge: Array, pulley: float, slip: Signs, turn: Signs
 ) -> tuple[float, float]:
@@ -216,7 +216,7 @@ def solve_plane(
     return pulley, missing
 
 
-@inlined
+@kernel
 def _fill_stretch(plane: Plane, chain: Array, row: int, pulley: float) -> None:
     """Fill a row with the stretch of all segments [m]; below 0 where one is slack."""
     last = 2 * plane.elements + 1
@@ -226,7 +226,7 @@ def _fill_stretch(plane: Plane, chain: Array, row: int, pulley: float) -> None:
         chain[row, i] = plane.rest[i] + left - right
 
 
-@inlined
+@kernel
 def _load_segments(plane: Plane, chain: Array, pulley: float) -> None:
     """Fill in stretch, tension, force and slope of all segments."""
     _fill_stretch(plane, chain, STRETCH, pulley)
@@ -235,7 +235,7 @@ def _load_segments(plane: Plane, chain: Array, pulley: float) -> None:
         chain[TENSION, i], chain[FORCE, i], chain[SLOPE, i] = loaded
 
 
-@inlined
+@kernel
 def _hold_caught_up(plane: Plane, chain: Array, slip: Signs) -> None:
     """Hold the elements that have caught up with what pulls them, by the tensions before an increment."""
     most = 1.0 + CAUGHT_UP * (plane.holds - 1.0)
@@ -246,7 +246,7 @@ def _hold_caught_up(plane: Plane, chain: Array, slip: Signs) -> None:
             slip[j] = 0
 
 
-@inlined
+@kernel
 def _pulley_force(plane: Plane, chain: Array, pulley: float) -> float:
     """Return the force that is missing at the pulley [N], between its spring and both wires."""
     first, last = chain[FORCE, 0], chain[FORCE, 2 * plane.elements + 1]
@@ -254,7 +254,7 @@ def _pulley_force(plane: Plane, chain: Array, pulley: float) -> float:
     return missing
 
 
-@fused
+@kernel
 def _settle(
     plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, turn: Signs
 ) -> tuple[float, float, bool]:
@@ -272,7 +272,7 @@ def _settle(
     return pulley, missing, False
 
 
-@inlined
+@kernel
 def _direction(force: float, friction: float) -> int:
     """Return the direction in which a node leaves its place: 1, -1, or 0 where friction holds it."""
     if not abs(force) > friction:
@@ -280,7 +280,7 @@ def _direction(force: float, friction: float) -> int:
     return 1 if force > 0.0 else -1
 
 
-@inlined
+@kernel
 def _next_sign(sign: int, moved: float, force: float, at_rest: float) -> int:
     """Return the direction in which a node slides, from that assumed, its motion and the net force on it."""
     if sign != 0:  # what slid stops where it would go back
@@ -288,7 +288,7 @@ def _next_sign(sign: int, moved: float, force: float, at_rest: float) -> int:
     return _direction(force, at_rest + RESIDUAL_N)
 
 
-@fused
+@kernel
 def _assemble_nodes(plane: Plane, chain: Array, slip: Signs) -> tuple[bool, float]:
     """Fill the rows of the sheath's elements; return whether a sign changed, and the force missing [N]."""
     E, c = plane.elements, plane.per_tension
@@ -315,7 +315,7 @@ def _assemble_nodes(plane: Plane, chain: Array, slip: Signs) -> tuple[bool, floa
     return changed, missing
 
 
-@fused
+@kernel
 def _assemble_hinges(
     plane: Plane, chain: Array, group: Array, hinge: Array, turn: Signs
 ) -> tuple[bool, float]:
@@ -355,7 +355,7 @@ def _assemble_hinges(
     return changed, missing
 
 
-@fused
+@kernel
 def _step(
     plane: Plane, chain: Array, group: Array, hinge: Array, slip: Signs, turn: Signs, of_pulley: float
 ) -> float:
@@ -398,7 +398,7 @@ def _step(
     return pulley
 
 
-@fused
+@kernel
 def _sweep(plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, turn: Signs) -> float:
     """Bring one node after the other to its own equilibrium; return the pulley's position [m]."""
     E, last, chain = plane.elements, 2 * plane.elements, work.chain
@@ -416,13 +416,13 @@ def _sweep(plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, t
     return pulley + moved
 
 
-@inlined
+@kernel
 def _within(x: float, near: float, far: float) -> float:
     """Return a step of Newton's where it is in the bracket, else the middle of that."""
     return x if min(near, far) < x < max(near, far) else (near + far) / 2.0
 
 
-@inlined
+@kernel
 def _rest_of_node(plane: Plane, chain: Array, i: int, ahead: float, behind: float) -> tuple[float, int]:
     """Return where an element comes to rest between its neighbours, and the direction of its motion.
 
@@ -451,7 +451,7 @@ def _rest_of_node(plane: Plane, chain: Array, i: int, ahead: float, behind: floa
     return x, s
 
 
-@fused
+@kernel
 def _sweep_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> None:
     """Bring one group of hinges after the other to its own equilibrium, and the tip with them."""
     size, passed = plane.size, 0.0
@@ -466,7 +466,7 @@ def _sweep_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> None:
     work.chain[NODE, plane.elements] = plane.arm * bend
 
 
-@inlined
+@kernel
 def _rest_of_group(plane: Plane, work: Work, g: int, others: float, wrapped: float) -> tuple[float, int]:
     """Return the angle where the hinges of a group come to rest [rad], and the direction of their motion.
 
