@@ -77,7 +77,7 @@ def advance_drive(law: DriveLaw, motor: float, stride: float, pulley: float, com
             error = command - motor
             reach = abs(error)
 
-        size = min(law.share * abs(error), law.longest, reach)
+        size = min(min(law.share * abs(error), law.longest), reach)
         if law.change < math.inf:
             periods = max(1, math.ceil((math.sqrt(1 + 8 * reach / law.change) - 1) / 2))
             size = min(size, reach / periods + law.change * (periods - 1) / 2)

@@ -136,9 +136,9 @@ def hinge_torque(law: Hinge, rest: float, angle: float, before: float) -> tuple[
 @kernel
 def larger(a: float, b: float) -> float:
     """Return the larger of two numbers; infinity where one is no number."""
-    if math.isnan(a) or math.isnan(b):
-        return math.inf
-    return max(a, b)
+    if a >= b:
+        return a
+    return b if b > a else math.inf
 
 
 @kernel
@@ -166,6 +166,20 @@ HINGE_BEFORE, WRAPPED, HINGE_RESIDUAL, HINGE_SLOPE = range(4)
 Angle of a hinge at the start of the increment [rad], routing friction as a share of the tension [-], torque
 that is missing [N m], and its derivative by the angle [N m / rad].
 """
+
+
+class Place(NamedTuple):
+    """What moves a node: an element of the sheath by itself [m], or the hinges of a group [rad]."""
+
+    before: float  # where it was at the start of the increment
+    per_tension: float  # friction per tension on each side [-]
+    floor: float  # friction that does not depend on the tension [N] or [N m]
+    holds: float  # friction at rest over that of sliding [-]
+    arm: float  # moment arm [m]; 1 of an element, as is the next
+    size: float  # hinges of the group
+    others: float  # bend of the other groups [rad]
+    hinge: Hinge
+    straight: float  # angle of a hinge where nothing pulls [rad]
 
 
 class Work(NamedTuple):
@@ -198,7 +212,7 @@ def solve_plane(
         chain[NODE, i] = chain[BEFORE, i]
     for g in range(len(hinge)):
         group[HINGE_BEFORE, g] = hinge[g]
-    _fill_stretch(plane, chain, STRETCH_BEFORE, pulley)
+    _fill_stretch(plane, chain, chain[STRETCH_BEFORE], pulley)
     _load_segments(plane, chain, pulley)
     if plane.holds > 1.0:
         _hold_caught_up(plane, chain, slip)
@@ -217,19 +231,19 @@ def solve_plane(
 
 
 @kernel
-def _fill_stretch(plane: Plane, chain: Array, row: int, pulley: float) -> None:
-    """Fill a row with the stretch of all segments [m]; below 0 where one is slack."""
+def _fill_stretch(plane: Plane, chain: Array, stretch: Array, pulley: float) -> None:
+    """Fill in the stretch of all segments [m]; below 0 where one is slack."""
     last = 2 * plane.elements + 1
     for i in range(last + 1):
         left = pulley if i == 0 else chain[NODE, i - 1]
         right = pulley if i == last else chain[NODE, i]
-        chain[row, i] = plane.rest[i] + left - right
+        stretch[i] = plane.rest[i] + left - right
 
 
 @kernel
 def _load_segments(plane: Plane, chain: Array, pulley: float) -> None:
     """Fill in stretch, tension, force and slope of all segments."""
-    _fill_stretch(plane, chain, STRETCH, pulley)
+    _fill_stretch(plane, chain, chain[STRETCH], pulley)
     for i in range(2 * plane.elements + 2):
         loaded = load_of(plane.segment, chain[STRETCH, i], chain[STRETCH_BEFORE, i])
         chain[TENSION, i], chain[FORCE, i], chain[SLOPE, i] = loaded
@@ -303,7 +317,8 @@ def _assemble_nodes(plane: Plane, chain: Array, slip: Signs) -> tuple[bool, floa
             slip[j] = s
             changed = True
         if s == 0:
-            chain[LOWER, i], chain[MAIN, i], chain[UPPER, i], chain[RIGHT, i] = 0.0, 1.0, 0.0, -moved
+            chain[LOWER, i] = chain[UPPER, i] = 0.0
+            chain[MAIN, i], chain[RIGHT, i] = 1.0, -moved
             changed = changed or moved != 0.0
             continue
         A, B = (1.0 - s * c) * chain[SLOPE, i], (1.0 + s * c) * chain[SLOPE, i + 1]
@@ -373,9 +388,9 @@ def _step(
         chain[BORDER, i] -= ratio * chain[BORDER, i - 1]
     chain[RIGHT, last] /= chain[MAIN, last]
     chain[BORDER, last] /= chain[MAIN, last]
-    for row in (RIGHT, BORDER):
-        for i in range(last - 1, -1, -1):
-            chain[row, i] = (chain[row, i] - chain[UPPER, i] * chain[row, i + 1]) / chain[MAIN, i]
+    for i in range(last - 1, -1, -1):
+        chain[RIGHT, i] = (chain[RIGHT, i] - chain[UPPER, i] * chain[RIGHT, i + 1]) / chain[MAIN, i]
+        chain[BORDER, i] = (chain[BORDER, i] - chain[UPPER, i] * chain[BORDER, i + 1]) / chain[MAIN, i]
 
     first_slope, last_slope = chain[SLOPE, 0], chain[SLOPE, last + 1]
     first, end = chain[BORDER, 0], chain[BORDER, last]
@@ -409,7 +424,11 @@ def _sweep(plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, t
         left = pulley if i == 0 else chain[NODE, i - 1]
         right = pulley if i == last else chain[NODE, i + 1]
         ahead, behind = plane.rest[i] + left, plane.rest[i + 1] - right
-        chain[NODE, i], slip[i if i < E else i - 1] = _rest_of_node(plane, chain, i, ahead, behind)
+        c, floor, free = plane.per_tension, plane.floor, Hinge(0.0, 0.0, 0.0)
+        place = Place(chain[BEFORE, i], c, floor, plane.holds, 1.0, 1.0, 0.0, free, 0.0)
+        # Further on, the force is against the node: the wire that pulls it there would be slack.
+        x, s = _rest(plane.segment, chain, i, place, (ahead, -behind), ahead, behind)
+        chain[NODE, i], slip[i if i < E else i - 1] = x, s
     _load_segments(plane, chain, pulley)
     yielding = PULLEY_STIFFNESS + chain[SLOPE, 0] + chain[SLOPE, last + 1]
     moved: float = _pulley_force(plane, chain, pulley) / yielding
@@ -417,77 +436,28 @@ def _sweep(plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, t
 
 
 @kernel
-def _within(x: float, near: float, far: float) -> float:
-    """Return a step of Newton's where it is in the bracket, else the middle of that."""
-    return x if min(near, far) < x < max(near, far) else (near + far) / 2.0
+def _rest(
+    law: Segment, chain: Array, i: int, place: Place, ends: tuple[float, float], ahead: float, behind: float
+) -> tuple[float, int]:
+    """Return where an element or a group comes to rest between its neighbours, and how it moves there.
 
-
-@kernel
-def _rest_of_node(plane: Plane, chain: Array, i: int, ahead: float, behind: float) -> tuple[float, int]:
-    """Return where an element comes to rest between its neighbours, and the direction of its motion.
-
-    The stretch on its left is `ahead` less the position, that on its right `behind` plus the position.
+    It moves node i: at z, the stretch on its left is `ahead` less z, that on its right `behind` plus z [m].
+    The motion ends at the first of two `ends` forwards, at the other one backwards.
     """
-    c, before = plane.per_tension, chain[BEFORE, i]
-    s, x, near, far = 0, before, before, before
+    arm, wrapped = place.arm, place.per_tension
+    s, x, near, far = 0, place.before, place.before, place.before
     for trial in range(TRIALS):
-        a, a_force, a_slope = load_of(plane.segment, ahead - x, chain[STRETCH_BEFORE, i])
-        b, b_force, b_slope = load_of(plane.segment, behind + x, chain[STRETCH_BEFORE, i + 1])
-        friction = c * (a + b) + plane.floor
-        if trial == 0:
-            s = _direction(a_force - b_force, plane.holds * friction)
-            if s == 0:
-                break
-            # Further on, the force is against the node: the wire that pulls it there would be slack.
-            far = ahead if s > 0 else -behind
-        excess = a_force - b_force - s * friction
-        if abs(excess) <= 0.1 * RESIDUAL_N:
-            break
-        if excess * s > 0.0:
-            near = x
-        else:
-            far = x
-        x = _within(x + excess / ((1.0 - s * c) * a_slope + (1.0 + s * c) * b_slope), near, far)
-    return x, s
-
-
-@kernel
-def _sweep_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> None:
-    """Bring one group of hinges after the other to its own equilibrium, and the tip with them."""
-    size, passed = plane.size, 0.0
-    bend = bend_of(size, hinge)
-    for g in range(len(hinge)):
-        others = bend - size[g] * hinge[g]
-        turned = turn_of(size[g], hinge[g], 0.0)
-        wrapped = plane.routing * (passed + turned / 2.0)
-        passed += turned
-        hinge[g], turn[g] = _rest_of_group(plane, work, g, others, wrapped)
-        bend = others + size[g] * hinge[g]
-    work.chain[NODE, plane.elements] = plane.arm * bend
-
-
-@kernel
-def _rest_of_group(plane: Plane, work: Work, g: int, others: float, wrapped: float) -> tuple[float, int]:
-    """Return the angle where the hinges of a group come to rest [rad], and the direction of their motion.
-
-    The bend of the other groups is `others` [rad]; routing friction is a share `wrapped` of the tension [-].
-    """
-    E, arm, n, chain = plane.elements, plane.arm, plane.size[g], work.chain
-    before = work.group[HINGE_BEFORE, g]
-    left, right = plane.rest[E] + chain[NODE, E - 1], plane.rest[E + 1] - chain[NODE, E + 1]
-    s, x, near, far = 0, before, before, before
-    for trial in range(TRIALS):
-        z = arm * (others + n * x)
-        a, a_force, a_slope = load_of(plane.segment, left - z, chain[STRETCH_BEFORE, E])
-        b, b_force, b_slope = load_of(plane.segment, right + z, chain[STRETCH_BEFORE, E + 1])
-        torque, slope = hinge_torque(plane.hinge, plane.straight[0], x, before)
+        z = arm * (place.others + place.size * x)
+        a, a_force, a_slope = load_of(law, ahead - z, chain[STRETCH_BEFORE, i])
+        b, b_force, b_slope = load_of(law, behind + z, chain[STRETCH_BEFORE, i + 1])
+        torque, slope = hinge_torque(place.hinge, place.straight, x, place.before)
         force = arm * (a_force - b_force) - torque
-        friction = plane.joint_friction[g] + arm * wrapped * (a + b)
+        friction = place.floor + arm * wrapped * (a + b)
         if trial == 0:
-            s = _direction(force, friction)
+            s = _direction(force, place.holds * friction)
             if s == 0:
                 break
-            far = s * math.inf
+            far = ends[0] if s > 0 else ends[1]
         excess = force - s * friction
         if abs(excess) <= 0.1 * RESIDUAL_N * arm:
             break
@@ -495,6 +465,27 @@ def _rest_of_group(plane: Plane, work: Work, g: int, others: float, wrapped: flo
             near = x
         else:
             far = x
-        slope += arm * arm * n * ((1.0 - s * wrapped) * a_slope + (1.0 + s * wrapped) * b_slope)
-        x = _within(x + excess / slope, near, far)
+        slope += arm * arm * place.size * ((1.0 - s * wrapped) * a_slope + (1.0 + s * wrapped) * b_slope)
+        x += excess / slope
+        if not min(near, far) < x < max(near, far):
+            x = (near + far) / 2.0
     return x, s
+
+
+@kernel
+def _sweep_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> None:
+    """Bring one group of hinges after the other to its own equilibrium, and the tip with them."""
+    E, chain, size, passed = plane.elements, work.chain, plane.size, 0.0
+    ahead, behind = plane.rest[E] + chain[NODE, E - 1], plane.rest[E + 1] - chain[NODE, E + 1]
+    bend = bend_of(size, hinge)
+    for g in range(len(hinge)):
+        others = bend - size[g] * hinge[g]
+        turned = turn_of(size[g], hinge[g], 0.0)
+        wrapped = plane.routing * (passed + turned / 2.0)
+        passed += turned
+        before, floor = work.group[HINGE_BEFORE, g], plane.joint_friction[g]
+        place = Place(before, wrapped, floor, 1.0, plane.arm, size[g], others, plane.hinge, plane.straight[0])
+        ends = math.inf, -math.inf
+        hinge[g], turn[g] = _rest(plane.segment, chain, E, place, ends, ahead, behind)
+        bend = others + size[g] * hinge[g]
+    chain[NODE, E] = plane.arm * bend
