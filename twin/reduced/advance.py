@@ -114,9 +114,7 @@ def advance_one(
                     past[p, older] = past[p, older - 1] if older > 0 else command
             wanted -= constants[at.ZERO + p]
             motor, stride, gear = drive[p, 0], drive[p, 1], drive[p, 2]
-            ahead[p, 0], ahead[p, 1], ahead[p, 2] = _advance_drive(
-                law, drive[p, 0], drive[p, 1], gear, wanted
-            )
+            ahead[p, 0], ahead[p, 1], ahead[p, 2] = _advance_drive(law, motor, stride, gear, wanted)
             turns_back = turns_back or (ahead[p, 2] - gear) * ahead[p, 3] < 0.0
         if ends or turns_back or (sticks and waiting > 0):
             done = (k - 1) / periods

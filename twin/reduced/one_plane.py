@@ -23,9 +23,6 @@ Ito and Kunisch 2002): the linear system is tridiagonal, with the groups of hing
 and the pulley's own spring added as a border. Where Newton's steps do not settle, sweeps over the nodes
 (Gauss-Seidel) take turns with them: each node in turn is brought to its own equilibrium between its
 neighbours. Sweeps converge for these chains (Rheinboldt 1970, M-functions), but slowly.
-
-Scratch arrays hold several quantities in their rows. Numba counts the references of every array that is
-handed on, atomically: few arrays with named rows are several times as fast as one array for each quantity.
 """
 
 import math
