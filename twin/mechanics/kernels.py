@@ -123,7 +123,7 @@ def _is_private(folder: Path) -> bool:
 
 @contextlib.contextmanager
 def on_compile(notify: Callable[[], None]) -> Iterator[None]:
-    """Call a function, once, when a kernel is compiled within the block: that takes up to a minute."""
+    """Call a function, once, when a kernel is compiled within the block: that takes some seconds."""
     if not COMPILED:
         yield
         return

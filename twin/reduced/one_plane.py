@@ -372,32 +372,31 @@ def _step(
     plane: Plane, chain: Array, group: Array, hinge: Array, slip: Signs, turn: Signs, of_pulley: float
 ) -> float:
     """Solve the linear system, move all nodes and hinges, and return the travel of the pulley [m]."""
-    E, last = plane.elements, 2 * plane.elements
+    E, last, right, border = plane.elements, 2 * plane.elements, chain[RIGHT], chain[BORDER]
     # The border is how the first and the last element follow the pulley.
     for i in range(last + 1):
-        chain[BORDER, i] = 0.0
-    chain[BORDER, 0] = 0.0 if slip[0] == 0 else -chain[LOWER, 0]
-    chain[BORDER, last] = 0.0 if slip[last - 1] == 0 else -chain[UPPER, last]
+        border[i] = 0.0
+    border[0] = 0.0 if slip[0] == 0 else -chain[LOWER, 0]
+    border[last] = 0.0 if slip[last - 1] == 0 else -chain[UPPER, last]
     for i in range(1, last + 1):
         ratio = chain[LOWER, i] / chain[MAIN, i - 1]
         chain[MAIN, i] -= ratio * chain[UPPER, i - 1]
-        chain[RIGHT, i] -= ratio * chain[RIGHT, i - 1]
-        chain[BORDER, i] -= ratio * chain[BORDER, i - 1]
-    chain[RIGHT, last] /= chain[MAIN, last]
-    chain[BORDER, last] /= chain[MAIN, last]
+        right[i] -= ratio * right[i - 1]
+        border[i] -= ratio * border[i - 1]
+    right[last] /= chain[MAIN, last]
+    border[last] /= chain[MAIN, last]
     for i in range(last - 1, -1, -1):
-        chain[RIGHT, i] = (chain[RIGHT, i] - chain[UPPER, i] * chain[RIGHT, i + 1]) / chain[MAIN, i]
-        chain[BORDER, i] = (chain[BORDER, i] - chain[UPPER, i] * chain[BORDER, i + 1]) / chain[MAIN, i]
+        right[i] = (right[i] - chain[UPPER, i] * right[i + 1]) / chain[MAIN, i]
+        border[i] = (border[i] - chain[UPPER, i] * border[i + 1]) / chain[MAIN, i]
 
     first_slope, last_slope = chain[SLOPE, 0], chain[SLOPE, last + 1]
-    first, end = chain[BORDER, 0], chain[BORDER, last]
-    yielding = PULLEY_STIFFNESS + first_slope * (1.0 - first) + last_slope * (1.0 - end)
-    pulley: float = (of_pulley + first_slope * chain[RIGHT, 0] + last_slope * chain[RIGHT, last]) / yielding
+    yielding = PULLEY_STIFFNESS + first_slope * (1.0 - border[0]) + last_slope * (1.0 - border[last])
+    pulley: float = (of_pulley + first_slope * right[0] + last_slope * right[last]) / yielding
     for i in range(last + 1):
-        chain[RIGHT, i] += chain[BORDER, i] * pulley
+        right[i] += border[i] * pulley
 
-    of_a = plane.arm * chain[SLOPE, E] * (chain[RIGHT, E - 1] - chain[RIGHT, E])
-    of_b = plane.arm * chain[SLOPE, E + 1] * (chain[RIGHT, E] - chain[RIGHT, E + 1])
+    of_a = plane.arm * chain[SLOPE, E] * (right[E - 1] - right[E])
+    of_b = plane.arm * chain[SLOPE, E + 1] * (right[E] - right[E + 1])
     for g in range(len(hinge)):
         s = turn[g]
         pulled = (1.0 - s * group[WRAPPED, g]) * of_a - (1.0 + s * group[WRAPPED, g]) * of_b
@@ -405,7 +404,7 @@ def _step(
         hinge[g] = group[HINGE_BEFORE, g] if s == 0 else moved
     for j in range(last):
         i = j if j < E else j + 1
-        chain[NODE, i] = chain[BEFORE, i] if slip[j] == 0 else chain[NODE, i] + chain[RIGHT, i]
+        chain[NODE, i] = chain[BEFORE, i] if slip[j] == 0 else chain[NODE, i] + right[i]
     chain[NODE, E] = plane.arm * bend_of(plane.size, hinge)
     return pulley
 
