@@ -11,6 +11,7 @@ those that it calls.
 """
 
 import contextlib
+import ctypes
 import functools
 import hashlib
 import importlib.util
@@ -27,7 +28,7 @@ PACKAGES = ("mechanics", "physics", "reduced")  # that have kernels
 
 
 def kernel(function: Kernel) -> Kernel:
-    """Compile a function that other kernels call."""
+    """Compile a function that other kernels call; Python cannot call it, but where nothing is compiled."""
     if not COMPILED:
         return function
     return _njit(function, no_cpython_wrapper=True, pipeline_class=_part_of_entry())
@@ -80,6 +81,11 @@ def _part_of_entry() -> Any:
 
         def set_env(self, name: str, env: Any) -> None:
             """Leave out the environment, which is found in what runs."""
+
+        def get_pointer_to_function(self, name: str) -> Any:
+            """Let a call by Python, of what is no callable object here, raise a TypeError."""
+            self._ensure_finalized()
+            return ctypes.cast(ctypes.pythonapi.PyObject_Call, ctypes.c_void_p).value
 
     class PartCompiler(cast(Any, compiler).Compiler):  # type: ignore[misc]
         def define_pipelines(self) -> Any:
