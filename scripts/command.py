@@ -97,7 +97,7 @@ def compile_once(command: str, preset: Any = None) -> None:
     from twin.reduced import simulate
 
     preset = preset or load_preset("ureteroscope")
-    with on_compile(lambda: complain(f"{command}: compiling the reduced twin, once: a minute at most")):
+    with on_compile(lambda: complain(f"{command}: compiling the reduced twin, once: some seconds")):
         simulate(preset, np.full(2, preset.command_zeros[0]), preset.control_period)
 
 

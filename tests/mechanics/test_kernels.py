@@ -16,9 +16,9 @@ from twin.reduced import ReducedTwins
 pytestmark = pytest.mark.skipif(not kernels.COMPILED, reason="nothing is compiled here")
 PROGRAM = """
 import numpy as np
-from twin.mechanics.kernels import entry, inlined, on_compile
+from twin.mechanics.kernels import entry, kernel, on_compile
 
-@inlined
+@kernel
 def doubled(value):
     return 2.0 * value
 
@@ -110,3 +110,12 @@ def test_copy_has_arrays_of_its_own():
     other.step(2e-3)
     np.testing.assert_array_equal(twins.bend(), there)
     np.testing.assert_array_equal(twins.step(2e-3), other.bend())
+
+
+def test_kernel_within_an_entry_cannot_be_called_by_python():
+    @kernels.kernel
+    def double(value):
+        return 2.0 * value
+
+    with pytest.raises(TypeError, match="not callable"):
+        double(1.0)

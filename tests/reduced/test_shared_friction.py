@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from twin.mechanics.kernels import COMPILED
+from twin.reduced import two_planes
 from twin.reduced.two_planes import (
     FRICTION,
     HELD_FORCE,
@@ -14,9 +16,20 @@ from twin.reduced.two_planes import (
     OF_SLIP,
     SLIPPED,
     STIFFNESS,
-    come_to_rest,
-    eliminate,
-    rub,
+)
+
+
+def called_by_python(kernel):
+    """A function that calls a kernel: Python cannot, where kernels are compiled."""
+    if not COMPILED:
+        return kernel
+    import numba
+
+    return numba.njit(lambda *arguments: kernel(*arguments))
+
+
+come_to_rest, eliminate, rub = map(
+    called_by_python, (two_planes.come_to_rest, two_planes.eliminate, two_planes.rub)
 )
 
 FORCES = st.floats(-5.0, 5.0)

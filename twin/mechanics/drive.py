@@ -85,7 +85,7 @@ def advance_drive(law: DriveLaw, motor: float, stride: float, pulley: float, com
                 error = command - motor
                 reach = abs(error)
 
-            size = min(share * abs(error), longest, reach)
+            size = min(min(share * abs(error), longest), reach)
             if change < math.inf:
                 steps = max(1, math.ceil((math.sqrt(1 + 8 * reach / change) - 1) / 2))
                 size = min(size, reach / steps + change * (steps - 1) / 2)

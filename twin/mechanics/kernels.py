@@ -4,10 +4,14 @@ Kernels call each other; an `entry` is one that the rest of the program calls, o
 code, with all kernels that it calls inside, is kept in a folder that is named after a hash of the sources of
 all kernels: Numba looks at the file of the entry only, and would run stale code after an edit of another one.
 
-Small kernels are inlined into those that call them: each array that is passed on costs an atomic count.
+Kernels make no arrays, but views: no references are counted, which would take an atomic operation for each
+array that is handed on. What compiles takes the time of Numba for each function and each statement, and that
+of LLVM once, for the entry with all that it calls: by itself Numba makes machine code of each kernel, with
+those that it calls.
 """
 
 import contextlib
+import ctypes
 import functools
 import hashlib
 import importlib.util
@@ -24,18 +28,10 @@ PACKAGES = ("mechanics", "physics", "reduced")  # that have kernels
 
 
 def kernel(function: Kernel) -> Kernel:
-    """Compile a function that other kernels call."""
-    return _njit(function)
-
-
-def inlined(function: Kernel) -> Kernel:
-    """Compile a function into the kernels that call it."""
-    return _njit(function, forceinline=True)
-
-
-def fused(function: Kernel) -> Kernel:
-    """Compile a function as a part of the one kernel that calls it, which takes less time to compile."""
-    return _njit(function, inline="always")
+    """Compile a function that other kernels call; Python cannot call it, but where nothing is compiled."""
+    if not COMPILED:
+        return function
+    return _njit(function, no_cpython_wrapper=True, pipeline_class=_part_of_entry())
 
 
 def entry(function: Kernel) -> Kernel:
@@ -62,7 +58,41 @@ def _njit(function: Kernel, **options: Any) -> Kernel:
         return function
     import numba
 
-    return cast(Kernel, cast(Any, numba.njit)(error_model="numpy", nogil=True, **options)(function))
+    options |= {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, "_nrt": False}
+    return cast(Kernel, cast(Any, numba.njit)(**options)(function))
+
+
+@functools.cache
+def _part_of_entry() -> Any:
+    """Return a compiler whose functions become code of LLVM alone, for the entry to take in."""
+    from numba.core import codegen, compiler
+
+    class Part(cast(Any, codegen).JITCodeLibrary):  # type: ignore[misc]
+        """Code that is linked, but neither optimised nor made to run by itself."""
+
+        def finalize(self) -> None:
+            for library in dict.fromkeys(self._linking_libraries):
+                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+            self._finalized = True
+
+        @property
+        def codegen(self) -> Any:
+            return self
+
+        def set_env(self, name: str, env: Any) -> None:
+            """Leave out the environment, which is found in what runs."""
+
+        def get_pointer_to_function(self, name: str) -> Any:
+            """Let a call by Python, of what is no callable object here, raise a TypeError."""
+            self._ensure_finalized()
+            return ctypes.cast(ctypes.pythonapi.PyObject_Call, ctypes.c_void_p).value
+
+    class PartCompiler(cast(Any, compiler).Compiler):  # type: ignore[misc]
+        def define_pipelines(self) -> Any:
+            self.state.library = Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+            return super().define_pipelines()
+
+    return PartCompiler
 
 
 @functools.cache
@@ -99,7 +129,7 @@ def _is_private(folder: Path) -> bool:
 
 @contextlib.contextmanager
 def on_compile(notify: Callable[[], None]) -> Iterator[None]:
-    """Call a function, once, when a kernel is compiled within the block: that takes up to a minute."""
+    """Call a function, once, when a kernel is compiled within the block: that takes some seconds."""
     if not COMPILED:
         yield
         return

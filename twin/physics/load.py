@@ -19,7 +19,7 @@ from twin.mechanics.friction import (
     hinge_groups,
     joint_friction,
 )
-from twin.mechanics.kernels import inlined, kernel
+from twin.mechanics.kernels import kernel
 from twin.mechanics.wire import (
     ABSENT,
     quadratic_stiffness,
@@ -48,9 +48,9 @@ NEARLY_TAUT = 1e-6  # slack up to which a wire counts as taut [m]
 # update, up to a stiffness of 0.4 + 4 * share times that without tension. A larger share delays what slides.
 SLACK_SHARE = 0.5
 
-_friction_drift = inlined(friction_drift)
-_friction_floor = inlined(friction_floor)
-_taut_part = inlined(taut_part)
+_friction_drift = kernel(friction_drift)
+_friction_floor = kernel(friction_floor)
+_taut_part = kernel(taut_part)
 
 
 class Forces(NamedTuple):
@@ -145,7 +145,7 @@ class LoadLaw(NamedTuple):
         )
 
 
-@inlined
+@kernel
 def sheath_friction(
     law: LoadLaw, sheath_bend: float, scale: float, time: float, travel: float
 ) -> tuple[float, float]:

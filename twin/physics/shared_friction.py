@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mechanics.friction import CAUGHT_UP, LEAST_FRICTION, hinge_groups
-from twin.mechanics.kernels import inlined, kernel
+from twin.mechanics.kernels import kernel
 from twin.physics.layout import Index, Layout
 from twin.physics.load import Forces
 from twin.preset.preset import Preset
@@ -58,7 +58,7 @@ class Pairs(NamedTuple):
         )
 
 
-@inlined
+@kernel
 def _friction(forces: Forces, pair: int, plane: int) -> float:
     """Return the friction of one neighbour of a pair [N], of hinges [N m]."""
     elements = forces.sheath.shape[1]
@@ -67,7 +67,7 @@ def _friction(forces: Forces, pair: int, plane: int) -> float:
     return max(float(forces.joints[plane, pair - 2 * elements]), LEAST_FRICTION)
 
 
-@inlined
+@kernel
 def _stiffness(pairs: Pairs, forces: Forces, pair: int, plane: int, time_step: float) -> float:
     """Return the stiffness that holds one neighbour of a pair [N / m], of hinges [N m / rad].
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from twin.mechanics.drive import DriveLaw, advance_drive, delayed_command
 from twin.mechanics.friction import friction_drift, friction_floor
-from twin.mechanics.kernels import entry, fused, inlined, kernel
+from twin.mechanics.kernels import entry, kernel
 from twin.preset.preset import Preset
 from twin.reduced import parameters as at
 from twin.reduced.one_plane import Array, Hinge, Plane, Segment, Work, copy_row, copy_rows, solve_plane
@@ -17,9 +17,9 @@ from twin.reduced.parameters import Parameters, ReducedState, new_state
 from twin.reduced.two_planes import BothPlanes, Positions, solve_both_planes
 
 _advance_drive = kernel(advance_drive)
-_delayed_command = inlined(delayed_command)
-_friction_drift = inlined(friction_drift)
-_friction_floor = inlined(friction_floor)
+_delayed_command = kernel(delayed_command)
+_friction_drift = kernel(friction_drift)
+_friction_floor = kernel(friction_floor)
 
 
 class Workspace(NamedTuple):
@@ -82,23 +82,23 @@ def advance(
                 trace.drift[k] = _drift_of(parameters, state, first + m)
 
 
-@fused
+@kernel
 def advance_one(
     parameters: Parameters, state: ReducedState, work: Workspace, m: int, inputs: Array, periods: int
 ) -> None:
     """Advance endoscope m by one sample, in place, to its inputs (3,); see `advance`."""
-    constants, drive, run, ahead = parameters.constants, state.drive, state.run, work.ahead
-    planes, late = parameters.planes, parameters.late
-    sticks = constants[m, at.HOLDS] > 1.0
-    c = constants[m, at.DRIVE :]
+    constants, drive, run, past = parameters.constants[m], state.drive[m], state.run[m], state.past[m]
+    ahead, planes, late = work.ahead, parameters.planes, parameters.late
+    sticks = constants[at.HOLDS] > 1.0
+    c = constants[at.DRIVE :]
     law = DriveLaw(c[0], c[1], c[2], c[3], c[4], c[5] != 0.0, c[6])
     waiting, first = 0, 1
-    if constants[m, at.RIGID] and not sticks:  # the increment at the end of the sample is the only one
+    if constants[at.RIGID] and not sticks:  # the increment at the end of the sample is the only one
         waiting, first = periods, periods + 1
         for p in range(planes):
-            run[m, at.TRAVEL] += abs(inputs[p] - drive[m, p, 2])
-            drive[m, p, 0] = inputs[p]
-            drive[m, p, 2] = inputs[p]
+            run[at.TRAVEL] += abs(inputs[p] - drive[p, 2])
+            drive[p, 0] = inputs[p]
+            drive[p, 2] = inputs[p]
     for p in range(planes):
         ahead[p, 3] = 0.0
     for k in range(first, periods + 2):
@@ -106,52 +106,51 @@ def advance_one(
         # control period of an endoscope that moves in steps, as in the twin in MuJoCo.
         ends, turns_back, share = k > periods, False, k / periods
         for p in range(0 if ends else planes):
-            command = run[m, at.COMMAND + p] * (1.0 - share) + inputs[p] * share
+            command = run[at.COMMAND + p] * (1.0 - share) + inputs[p] * share
             wanted = command
             if late > 0:
-                wanted = _delayed_command(law.delay, state.past[m, p], command)
+                wanted = _delayed_command(law.delay, past[p], command)
                 for older in range(late - 1, -1, -1):
-                    state.past[m, p, older] = state.past[m, p, older - 1] if older > 0 else command
-            wanted -= constants[m, at.ZERO + p]
-            motor, stride, gear = drive[m, p, 0], drive[m, p, 1], drive[m, p, 2]
+                    past[p, older] = past[p, older - 1] if older > 0 else command
+            wanted -= constants[at.ZERO + p]
+            motor, stride, gear = drive[p, 0], drive[p, 1], drive[p, 2]
             ahead[p, 0], ahead[p, 1], ahead[p, 2] = _advance_drive(law, motor, stride, gear, wanted)
             turns_back = turns_back or (ahead[p, 2] - gear) * ahead[p, 3] < 0.0
         if ends or turns_back or (sticks and waiting > 0):
             done = (k - 1) / periods
-            bend = inputs[2] if ends else run[m, at.COMMAND + 2] * (1.0 - done) + inputs[2] * done
+            bend = inputs[2] if ends else run[at.COMMAND + 2] * (1.0 - done) + inputs[2] * done
             _increment(parameters, state, work, m, waiting, bend)
             waiting = 0
             for p in range(planes):
                 ahead[p, 3] = 0.0
         waiting += 1
         for p in range(0 if ends else planes):
-            step = ahead[p, 2] - drive[m, p, 2]
-            run[m, at.TRAVEL] += abs(step)
+            step = ahead[p, 2] - drive[p, 2]
+            run[at.TRAVEL] += abs(step)
             ahead[p, 3] += step
             for column in range(3):
-                drive[m, p, column] = ahead[p, column]
+                drive[p, column] = ahead[p, column]
     for column in range(3):
-        run[m, at.COMMAND + column] = inputs[column]
+        run[at.COMMAND + column] = inputs[column]
 
 
-@inlined
+@kernel
 def _drift_of(parameters: Parameters, state: ReducedState, m: int) -> float:
     """Return the factor on the sheath's friction by warm-up and wear."""
-    constants, time, travel = parameters.constants, state.run[m, at.TIME], state.run[m, at.TRAVEL]
-    warm_up, warm_up_time = constants[m, at.WARM_UP], constants[m, at.WARM_UP_TIME]
-    return float(_friction_drift(warm_up, warm_up_time, constants[m, at.WEAR], time, travel))
+    c, run = parameters.constants[m], state.run[m]
+    warm_up, warm_up_time, wear = c[at.WARM_UP], c[at.WARM_UP_TIME], c[at.WEAR]
+    return float(_friction_drift(warm_up, warm_up_time, wear, run[at.TIME], run[at.TRAVEL]))
 
 
-@fused
+@kernel
 def _increment(
     parameters: Parameters, state: ReducedState, work: Workspace, m: int, periods: int, sheath_bend: float
 ) -> None:
     """Bring endoscope m to equilibrium with its drive, some control periods after the last increment."""
-    constants, run = parameters.constants, state.run
+    c, run = parameters.constants[m], state.run[m]
     seconds = periods * parameters.control_period
-    run[m, at.TIME] += seconds
+    run[at.TIME] += seconds
     drift = _drift_of(parameters, state, m)
-    c = constants[m]
     # As `friction_per_tension`, for the tension on each side instead of their mean.
     wrapped = c[at.SHEATH_FRICTION] * drift * (sheath_bend + c[at.BEND_OFFSET])
     plane = Plane(
@@ -170,10 +169,10 @@ def _increment(
         c[at.HOLDS],
     )
     missing = _solve(work.plane, work.both, plane, state, m, periods)
-    run[m, at.MISSING_FORCE] = max(run[m, at.MISSING_FORCE], missing) if missing < math.inf else math.inf
+    run[at.MISSING_FORCE] = max(run[at.MISSING_FORCE], missing) if missing < math.inf else math.inf
 
 
-@inlined
+@kernel
 def _solve(
     work: Work | None, both: BothPlanes | None, plane: Plane, state: ReducedState, m: int, periods: int
 ) -> float:

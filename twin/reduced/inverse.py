@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mechanics.drive import DriveLaw
-from twin.mechanics.kernels import entry, fused, kernel
+from twin.mechanics.kernels import entry, kernel
 from twin.reduced.advance import Workspace, advance_one
 from twin.reduced.one_plane import Array, bend_of, copy_row, copy_rows
 from twin.reduced.parameters import ARM, COMMAND, DRIVE, Parameters, ReducedState
@@ -97,7 +97,7 @@ def _bend_after(trial: Trial, p: int) -> float:
     return bend
 
 
-@fused
+@kernel
 def _bend_at(trial: Trial, p: int, pull: float) -> float:
     """Return `_bend_after` with a pull, which is written into the inputs."""
     for place in range(len(trial.weights)):
@@ -105,7 +105,7 @@ def _bend_at(trial: Trial, p: int, pull: float) -> float:
     return _bend_after(trial, p)
 
 
-@fused
+@kernel
 def _find(trial: Trial, p: int, target: float, limits: Array, tolerance: float, bracket: Array) -> float:
     """Write the pull of one plane into the inputs, and its bracket; return the bend that it brings [rad]."""
     start = min(max(trial.state.run[trial.first, COMMAND + p], limits[0]), limits[1])
@@ -135,7 +135,7 @@ def _find(trial: Trial, p: int, target: float, limits: Array, tolerance: float, 
     return target + _narrow(trial, p, target, tolerance, (near, of_near, far, of_far), bracket)
 
 
-@fused
+@kernel
 def _narrow(trial: Trial, p: int, target: float, tolerance: float, ends: Ends, bracket: Array) -> float:
     """Narrow a bracket, pull and error at either end, by Chandrupatla's method; return the error left."""
     share, (x1, f1, x2, f2) = 0.5, ends

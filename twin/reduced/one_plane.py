@@ -23,9 +23,6 @@ Ito and Kunisch 2002): the linear system is tridiagonal, with the groups of hing
 and the pulley's own spring added as a border. Where Newton's steps do not settle, sweeps over the nodes
 (Gauss-Seidel) take turns with them: each node in turn is brought to its own equilibrium between its
 neighbours. Sweeps converge for these chains (Rheinboldt 1970, M-functions), but slowly.
-
-Scratch arrays hold several quantities in their rows. Numba counts the references of every array that is
-handed on, atomically: few arrays with named rows are several times as fast as one array for each quantity.
 """
 
 import math
@@ -36,13 +33,13 @@ from numpy.typing import NDArray
 
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import CAUGHT_UP
-from twin.mechanics.kernels import fused, inlined
+from twin.mechanics.kernels import kernel
 from twin.mechanics.wire import taut_part
 
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]
 
-_taut_part = inlined(taut_part)
+_taut_part = kernel(taut_part)
 
 HELD = 1e-3  # share of its stiffness that a slack segment has, only in the linear system
 RESIDUAL_N = 1e-7  # force that is missing from equilibrium at any node, at most [N]
@@ -89,14 +86,14 @@ class Plane(NamedTuple):
     holds: float  # friction of the sheath at rest over that of sliding [-]
 
 
-@inlined
+@kernel
 def copy_row(to: NDArray[Any], values: NDArray[Any]) -> None:
     """Copy the numbers of an array into another one."""
     for i in range(len(to)):
         to[i] = values[i]
 
 
-@inlined
+@kernel
 def copy_rows(to: NDArray[Any], values: NDArray[Any]) -> None:
     """Copy the numbers of an array of two dimensions into another one."""
     for i in range(to.shape[0]):
@@ -104,7 +101,7 @@ def copy_rows(to: NDArray[Any], values: NDArray[Any]) -> None:
             to[i, k] = values[i, k]
 
 
-@inlined
+@kernel
 def bend_of(size: Array, hinge: Array) -> float:
     """Return the bending angle [rad] from number and angle of the hinges of each group."""
     bend = 0.0
@@ -113,7 +110,7 @@ def bend_of(size: Array, hinge: Array) -> float:
     return bend
 
 
-@inlined
+@kernel
 def load_of(law: Segment, stretch: float, before: float) -> tuple[float, float, float]:
     """Return elastic tension [N], tension with damping [N] and its slope [N / m] of a segment.
 
@@ -130,7 +127,7 @@ def load_of(law: Segment, stretch: float, before: float) -> tuple[float, float, 
     return tension, force, slope
 
 
-@inlined
+@kernel
 def hinge_torque(law: Hinge, rest: float, angle: float, before: float) -> tuple[float, float]:
     """Return the torque of spring and damping of a hinge [N m] and its slope [N m / rad]."""
     away = angle - rest
@@ -139,15 +136,15 @@ def hinge_torque(law: Hinge, rest: float, angle: float, before: float) -> tuple[
     return torque, slope
 
 
-@inlined
+@kernel
 def larger(a: float, b: float) -> float:
     """Return the larger of two numbers; infinity where one is no number."""
-    if math.isnan(a) or math.isnan(b):
-        return math.inf
-    return max(a, b)
+    if a >= b:
+        return a
+    return b if b > a else math.inf
 
 
-@inlined
+@kernel
 def turn_of(size: float, angle: float, turned: float) -> float:
     """Return the angle by which a group of `size` hinges turns the wires in both planes [rad].
 
@@ -175,6 +172,20 @@ that is missing [N m], and its derivative by the angle [N m / rad].
 """
 
 
+class Place(NamedTuple):
+    """What moves a node: an element of the sheath by itself [m], or the hinges of a group [rad]."""
+
+    before: float  # where it was at the start of the increment
+    per_tension: float  # friction per tension on each side [-]
+    floor: float  # friction that does not depend on the tension [N] or [N m]
+    holds: float  # friction at rest over that of sliding [-]
+    arm: float  # moment arm [m]; 1 of an element, as is the next
+    size: float  # hinges of the group
+    others: float  # bend of the other groups [rad]
+    hinge: Hinge
+    straight: float  # angle of a hinge where nothing pulls [rad]
+
+
 class Work(NamedTuple):
     """Scratch arrays of `solve_plane`, for E elements and G groups of hinges."""
 
@@ -187,7 +198,7 @@ class Work(NamedTuple):
         return cls(np.zeros((12, 2 * elements + 2)), np.zeros((4, groups)))
 
 
-@fused
+@kernel
 def solve_plane(
     plane: Plane, work: Work, element: Array, hinge: Array, pulley: float, slip: Signs, turn: Signs
 ) -> tuple[float, float]:
@@ -205,7 +216,7 @@ def solve_plane(
         chain[NODE, i] = chain[BEFORE, i]
     for g in range(len(hinge)):
         group[HINGE_BEFORE, g] = hinge[g]
-    _fill_stretch(plane, chain, STRETCH_BEFORE, pulley)
+    _fill_stretch(plane, chain, chain[STRETCH_BEFORE], pulley)
     _load_segments(plane, chain, pulley)
     if plane.holds > 1.0:
         _hold_caught_up(plane, chain, slip)
@@ -223,26 +234,26 @@ def solve_plane(
     return pulley, missing
 
 
-@inlined
-def _fill_stretch(plane: Plane, chain: Array, row: int, pulley: float) -> None:
-    """Fill a row with the stretch of all segments [m]; below 0 where one is slack."""
+@kernel
+def _fill_stretch(plane: Plane, chain: Array, stretch: Array, pulley: float) -> None:
+    """Fill in the stretch of all segments [m]; below 0 where one is slack."""
     last = 2 * plane.elements + 1
     for i in range(last + 1):
         left = pulley if i == 0 else chain[NODE, i - 1]
         right = pulley if i == last else chain[NODE, i]
-        chain[row, i] = plane.rest[i] + left - right
+        stretch[i] = plane.rest[i] + left - right
 
 
-@inlined
+@kernel
 def _load_segments(plane: Plane, chain: Array, pulley: float) -> None:
     """Fill in stretch, tension, force and slope of all segments."""
-    _fill_stretch(plane, chain, STRETCH, pulley)
+    _fill_stretch(plane, chain, chain[STRETCH], pulley)
     for i in range(2 * plane.elements + 2):
         loaded = load_of(plane.segment, chain[STRETCH, i], chain[STRETCH_BEFORE, i])
         chain[TENSION, i], chain[FORCE, i], chain[SLOPE, i] = loaded
 
 
-@inlined
+@kernel
 def _hold_caught_up(plane: Plane, chain: Array, slip: Signs) -> None:
     """Hold the elements that have caught up with what pulls them, by the tensions before an increment."""
     most = 1.0 + CAUGHT_UP * (plane.holds - 1.0)
@@ -253,7 +264,7 @@ def _hold_caught_up(plane: Plane, chain: Array, slip: Signs) -> None:
             slip[j] = 0
 
 
-@inlined
+@kernel
 def _pulley_force(plane: Plane, chain: Array, pulley: float) -> float:
     """Return the force that is missing at the pulley [N], between its spring and both wires."""
     first, last = chain[FORCE, 0], chain[FORCE, 2 * plane.elements + 1]
@@ -261,7 +272,7 @@ def _pulley_force(plane: Plane, chain: Array, pulley: float) -> float:
     return missing
 
 
-@fused
+@kernel
 def _settle(
     plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, turn: Signs
 ) -> tuple[float, float, bool]:
@@ -279,7 +290,7 @@ def _settle(
     return pulley, missing, False
 
 
-@inlined
+@kernel
 def _direction(force: float, friction: float) -> int:
     """Return the direction in which a node leaves its place: 1, -1, or 0 where friction holds it."""
     if not abs(force) > friction:
@@ -287,7 +298,7 @@ def _direction(force: float, friction: float) -> int:
     return 1 if force > 0.0 else -1
 
 
-@inlined
+@kernel
 def _next_sign(sign: int, moved: float, force: float, at_rest: float) -> int:
     """Return the direction in which a node slides, from that assumed, its motion and the net force on it."""
     if sign != 0:  # what slid stops where it would go back
@@ -295,7 +306,7 @@ def _next_sign(sign: int, moved: float, force: float, at_rest: float) -> int:
     return _direction(force, at_rest + RESIDUAL_N)
 
 
-@fused
+@kernel
 def _assemble_nodes(plane: Plane, chain: Array, slip: Signs) -> tuple[bool, float]:
     """Fill the rows of the sheath's elements; return whether a sign changed, and the force missing [N]."""
     E, c = plane.elements, plane.per_tension
@@ -310,7 +321,8 @@ def _assemble_nodes(plane: Plane, chain: Array, slip: Signs) -> tuple[bool, floa
             slip[j] = s
             changed = True
         if s == 0:
-            chain[LOWER, i], chain[MAIN, i], chain[UPPER, i], chain[RIGHT, i] = 0.0, 1.0, 0.0, -moved
+            chain[LOWER, i] = chain[UPPER, i] = 0.0
+            chain[MAIN, i], chain[RIGHT, i] = 1.0, -moved
             changed = changed or moved != 0.0
             continue
         A, B = (1.0 - s * c) * chain[SLOPE, i], (1.0 + s * c) * chain[SLOPE, i + 1]
@@ -322,7 +334,7 @@ def _assemble_nodes(plane: Plane, chain: Array, slip: Signs) -> tuple[bool, floa
     return changed, missing
 
 
-@fused
+@kernel
 def _assemble_hinges(
     plane: Plane, chain: Array, group: Array, hinge: Array, turn: Signs
 ) -> tuple[bool, float]:
@@ -362,37 +374,36 @@ def _assemble_hinges(
     return changed, missing
 
 
-@fused
+@kernel
 def _step(
     plane: Plane, chain: Array, group: Array, hinge: Array, slip: Signs, turn: Signs, of_pulley: float
 ) -> float:
     """Solve the linear system, move all nodes and hinges, and return the travel of the pulley [m]."""
-    E, last = plane.elements, 2 * plane.elements
+    E, last, right, border = plane.elements, 2 * plane.elements, chain[RIGHT], chain[BORDER]
     # The border is how the first and the last element follow the pulley.
     for i in range(last + 1):
-        chain[BORDER, i] = 0.0
-    chain[BORDER, 0] = 0.0 if slip[0] == 0 else -chain[LOWER, 0]
-    chain[BORDER, last] = 0.0 if slip[last - 1] == 0 else -chain[UPPER, last]
+        border[i] = 0.0
+    border[0] = 0.0 if slip[0] == 0 else -chain[LOWER, 0]
+    border[last] = 0.0 if slip[last - 1] == 0 else -chain[UPPER, last]
     for i in range(1, last + 1):
         ratio = chain[LOWER, i] / chain[MAIN, i - 1]
         chain[MAIN, i] -= ratio * chain[UPPER, i - 1]
-        chain[RIGHT, i] -= ratio * chain[RIGHT, i - 1]
-        chain[BORDER, i] -= ratio * chain[BORDER, i - 1]
-    chain[RIGHT, last] /= chain[MAIN, last]
-    chain[BORDER, last] /= chain[MAIN, last]
-    for row in (RIGHT, BORDER):
-        for i in range(last - 1, -1, -1):
-            chain[row, i] = (chain[row, i] - chain[UPPER, i] * chain[row, i + 1]) / chain[MAIN, i]
+        right[i] -= ratio * right[i - 1]
+        border[i] -= ratio * border[i - 1]
+    right[last] /= chain[MAIN, last]
+    border[last] /= chain[MAIN, last]
+    for i in range(last - 1, -1, -1):
+        right[i] = (right[i] - chain[UPPER, i] * right[i + 1]) / chain[MAIN, i]
+        border[i] = (border[i] - chain[UPPER, i] * border[i + 1]) / chain[MAIN, i]
 
     first_slope, last_slope = chain[SLOPE, 0], chain[SLOPE, last + 1]
-    first, end = chain[BORDER, 0], chain[BORDER, last]
-    yielding = PULLEY_STIFFNESS + first_slope * (1.0 - first) + last_slope * (1.0 - end)
-    pulley: float = (of_pulley + first_slope * chain[RIGHT, 0] + last_slope * chain[RIGHT, last]) / yielding
+    yielding = PULLEY_STIFFNESS + first_slope * (1.0 - border[0]) + last_slope * (1.0 - border[last])
+    pulley: float = (of_pulley + first_slope * right[0] + last_slope * right[last]) / yielding
     for i in range(last + 1):
-        chain[RIGHT, i] += chain[BORDER, i] * pulley
+        right[i] += border[i] * pulley
 
-    of_a = plane.arm * chain[SLOPE, E] * (chain[RIGHT, E - 1] - chain[RIGHT, E])
-    of_b = plane.arm * chain[SLOPE, E + 1] * (chain[RIGHT, E] - chain[RIGHT, E + 1])
+    of_a = plane.arm * chain[SLOPE, E] * (right[E - 1] - right[E])
+    of_b = plane.arm * chain[SLOPE, E + 1] * (right[E] - right[E + 1])
     for g in range(len(hinge)):
         s = turn[g]
         pulled = (1.0 - s * group[WRAPPED, g]) * of_a - (1.0 + s * group[WRAPPED, g]) * of_b
@@ -400,12 +411,12 @@ def _step(
         hinge[g] = group[HINGE_BEFORE, g] if s == 0 else moved
     for j in range(last):
         i = j if j < E else j + 1
-        chain[NODE, i] = chain[BEFORE, i] if slip[j] == 0 else chain[NODE, i] + chain[RIGHT, i]
+        chain[NODE, i] = chain[BEFORE, i] if slip[j] == 0 else chain[NODE, i] + right[i]
     chain[NODE, E] = plane.arm * bend_of(plane.size, hinge)
     return pulley
 
 
-@fused
+@kernel
 def _sweep(plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, turn: Signs) -> float:
     """Bring one node after the other to its own equilibrium; return the pulley's position [m]."""
     E, last, chain = plane.elements, 2 * plane.elements, work.chain
@@ -416,86 +427,41 @@ def _sweep(plane: Plane, work: Work, hinge: Array, pulley: float, slip: Signs, t
         left = pulley if i == 0 else chain[NODE, i - 1]
         right = pulley if i == last else chain[NODE, i + 1]
         ahead, behind = plane.rest[i] + left, plane.rest[i + 1] - right
-        chain[NODE, i], slip[i if i < E else i - 1] = _rest_of_node(plane, chain, i, ahead, behind)
+        c, floor, free = plane.per_tension, plane.floor, Hinge(0.0, 0.0, 0.0)
+        place = Place(chain[BEFORE, i], c, floor, plane.holds, 1.0, 1.0, 0.0, free, 0.0)
+        # Further on, the force is against the node: the wire that pulls it there would be slack.
+        loose = LOOSE * plane.segment.width
+        x, s = _rest(plane.segment, chain, i, place, (ahead + loose, -behind - loose), ahead, behind)
+        chain[NODE, i], slip[i if i < E else i - 1] = x, s
     _load_segments(plane, chain, pulley)
     yielding = PULLEY_STIFFNESS + chain[SLOPE, 0] + chain[SLOPE, last + 1]
     moved: float = _pulley_force(plane, chain, pulley) / yielding
     return pulley + moved
 
 
-@inlined
-def _within(x: float, near: float, far: float) -> float:
-    """Return a step of Newton's where it is in the bracket, else the middle of that."""
-    return x if min(near, far) < x < max(near, far) else (near + far) / 2.0
+@kernel
+def _rest(
+    law: Segment, chain: Array, i: int, place: Place, ends: tuple[float, float], ahead: float, behind: float
+) -> tuple[float, int]:
+    """Return where an element or a group comes to rest between its neighbours, and how it moves there.
 
-
-@inlined
-def _rest_of_node(plane: Plane, chain: Array, i: int, ahead: float, behind: float) -> tuple[float, int]:
-    """Return where an element comes to rest between its neighbours, and the direction of its motion.
-
-    The stretch on its left is `ahead` less the position, that on its right `behind` plus the position.
+    It moves node i: at z, the stretch on its left is `ahead` less z, that on its right `behind` plus z [m].
+    The motion ends at the first of two `ends` forwards, at the other one backwards.
     """
-    c, before = plane.per_tension, chain[BEFORE, i]
-    s, x, near, far = 0, before, before, before
+    arm, wrapped = place.arm, place.per_tension
+    s, x, near, far = 0, place.before, place.before, place.before
     for trial in range(TRIALS):
-        a, a_force, a_slope = load_of(plane.segment, ahead - x, chain[STRETCH_BEFORE, i])
-        b, b_force, b_slope = load_of(plane.segment, behind + x, chain[STRETCH_BEFORE, i + 1])
-        friction = c * (a + b) + plane.floor
-        if trial == 0:
-            s = _direction(a_force - b_force, plane.holds * friction)
-            if s == 0:
-                break
-            # Further on, the force is against the node: the wire that pulls it there would be slack.
-            loose = LOOSE * plane.segment.width
-            far = ahead + loose if s > 0 else -behind - loose
-        excess = a_force - b_force - s * friction
-        if abs(excess) <= 0.1 * RESIDUAL_N:
-            break
-        if excess * s > 0.0:
-            near = x
-        else:
-            far = x
-        x = _within(x + excess / ((1.0 - s * c) * a_slope + (1.0 + s * c) * b_slope), near, far)
-    return x, s
-
-
-@fused
-def _sweep_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> None:
-    """Bring one group of hinges after the other to its own equilibrium, and the tip with them."""
-    size, passed = plane.size, 0.0
-    bend = bend_of(size, hinge)
-    for g in range(len(hinge)):
-        others = bend - size[g] * hinge[g]
-        turned = turn_of(size[g], hinge[g], 0.0)
-        wrapped = plane.routing * (passed + turned / 2.0)
-        passed += turned
-        hinge[g], turn[g] = _rest_of_group(plane, work, g, others, wrapped)
-        bend = others + size[g] * hinge[g]
-    work.chain[NODE, plane.elements] = plane.arm * bend
-
-
-@inlined
-def _rest_of_group(plane: Plane, work: Work, g: int, others: float, wrapped: float) -> tuple[float, int]:
-    """Return the angle where the hinges of a group come to rest [rad], and the direction of their motion.
-
-    The bend of the other groups is `others` [rad]; routing friction is a share `wrapped` of the tension [-].
-    """
-    E, arm, n, chain = plane.elements, plane.arm, plane.size[g], work.chain
-    before = work.group[HINGE_BEFORE, g]
-    left, right = plane.rest[E] + chain[NODE, E - 1], plane.rest[E + 1] - chain[NODE, E + 1]
-    s, x, near, far = 0, before, before, before
-    for trial in range(TRIALS):
-        z = arm * (others + n * x)
-        a, a_force, a_slope = load_of(plane.segment, left - z, chain[STRETCH_BEFORE, E])
-        b, b_force, b_slope = load_of(plane.segment, right + z, chain[STRETCH_BEFORE, E + 1])
-        torque, slope = hinge_torque(plane.hinge, plane.straight[0], x, before)
+        z = arm * (place.others + place.size * x)
+        a, a_force, a_slope = load_of(law, ahead - z, chain[STRETCH_BEFORE, i])
+        b, b_force, b_slope = load_of(law, behind + z, chain[STRETCH_BEFORE, i + 1])
+        torque, slope = hinge_torque(place.hinge, place.straight, x, place.before)
         force = arm * (a_force - b_force) - torque
-        friction = plane.joint_friction[g] + arm * wrapped * (a + b)
+        friction = place.floor + arm * wrapped * (a + b)
         if trial == 0:
-            s = _direction(force, friction)
+            s = _direction(force, place.holds * friction)
             if s == 0:
                 break
-            far = s * math.inf
+            far = ends[0] if s > 0 else ends[1]
         excess = force - s * friction
         if abs(excess) <= 0.1 * RESIDUAL_N * arm:
             break
@@ -503,6 +469,27 @@ def _rest_of_group(plane: Plane, work: Work, g: int, others: float, wrapped: flo
             near = x
         else:
             far = x
-        slope += arm * arm * n * ((1.0 - s * wrapped) * a_slope + (1.0 + s * wrapped) * b_slope)
-        x = _within(x + excess / slope, near, far)
+        slope += arm * arm * place.size * ((1.0 - s * wrapped) * a_slope + (1.0 + s * wrapped) * b_slope)
+        x += excess / slope
+        if not min(near, far) < x < max(near, far):
+            x = (near + far) / 2.0
     return x, s
+
+
+@kernel
+def _sweep_hinges(plane: Plane, work: Work, hinge: Array, turn: Signs) -> None:
+    """Bring one group of hinges after the other to its own equilibrium, and the tip with them."""
+    E, chain, size, passed = plane.elements, work.chain, plane.size, 0.0
+    ahead, behind = plane.rest[E] + chain[NODE, E - 1], plane.rest[E + 1] - chain[NODE, E + 1]
+    bend = bend_of(size, hinge)
+    for g in range(len(hinge)):
+        others = bend - size[g] * hinge[g]
+        turned = turn_of(size[g], hinge[g], 0.0)
+        wrapped = plane.routing * (passed + turned / 2.0)
+        passed += turned
+        before, floor = work.group[HINGE_BEFORE, g], plane.joint_friction[g]
+        place = Place(before, wrapped, floor, 1.0, plane.arm, size[g], others, plane.hinge, plane.straight[0])
+        ends = math.inf, -math.inf
+        hinge[g], turn[g] = _rest(plane.segment, chain, E, place, ends, ahead, behind)
+        bend = others + size[g] * hinge[g]
+    chain[NODE, E] = plane.arm * bend

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import CAUGHT_UP
-from twin.mechanics.kernels import fused, inlined, kernel
+from twin.mechanics.kernels import kernel
 from twin.reduced.one_plane import (
     BEFORE,
     FORCE,
@@ -123,7 +123,7 @@ class BothPlanes(NamedTuple):
         )
 
 
-@inlined
+@kernel
 def _copy(to: Positions, values: Positions) -> None:
     copy_rows(to.element, values.element)
     copy_rows(to.hinge, values.hinge)
@@ -132,7 +132,7 @@ def _copy(to: Positions, values: Positions) -> None:
     copy_rows(to.turn, values.turn)
 
 
-@fused
+@kernel
 def solve_both_planes(plane: Plane, both: BothPlanes, now: Positions, periods: int) -> float:
     """Bring two planes to equilibrium after an increment, in as many parts as that takes.
 
@@ -158,7 +158,7 @@ def solve_both_planes(plane: Plane, both: BothPlanes, now: Positions, periods: i
     return missing
 
 
-@inlined
+@kernel
 def _part_of(plane: Plane, parts: int, target: tuple[float, float]) -> Plane:
     """Return the parameters for one of equal parts of an increment, in which damping counts as much more."""
     segment, hinge = plane.segment, plane.hinge
@@ -215,7 +215,7 @@ def _solve_part(plane: Plane, both: BothPlanes, now: Positions) -> float:
     return missing
 
 
-@inlined
+@kernel
 def _hold_caught_up(plane: Plane, chain: Array, slip: Signs) -> None:
     """Hold the neighbours that have caught up with what pulls them, by the tensions before an increment."""
     most = 1.0 + CAUGHT_UP * (plane.holds - 1.0)
@@ -230,7 +230,7 @@ def _hold_caught_up(plane: Plane, chain: Array, slip: Signs) -> None:
             slip[0, j] = slip[1, j] = 0
 
 
-@inlined
+@kernel
 def _fill_stretch(plane: Plane, chain: Array, row: int, p: int, pulley: float) -> None:
     """Fill a row of a plane with the stretch of all segments [m]; below 0 where one is slack."""
     last = 2 * plane.elements + 1
@@ -240,7 +240,7 @@ def _fill_stretch(plane: Plane, chain: Array, row: int, p: int, pulley: float) -
         chain[row, p, i] = plane.rest[i] + left - right
 
 
-@inlined
+@kernel
 def _load_both(plane: Plane, chain: Array, pulley: Array) -> None:
     """Fill in stretch, tension, force and slope of all segments."""
     for p in range(2):
@@ -250,7 +250,7 @@ def _load_both(plane: Plane, chain: Array, pulley: Array) -> None:
             chain[TENSION, p, i], chain[FORCE, p, i], chain[SLOPE, p, i] = loaded
 
 
-@inlined
+@kernel
 def _pulley_force(plane: Plane, chain: Array, pulley: Array, p: int) -> float:
     """Return the force that is missing at a pulley [N], between its spring and both wires."""
     first, last = chain[FORCE, p, 0], chain[FORCE, p, 2 * plane.elements + 1]
@@ -258,7 +258,7 @@ def _pulley_force(plane: Plane, chain: Array, pulley: Array, p: int) -> float:
     return missing
 
 
-@inlined
+@kernel
 def _load_elements(plane: Plane, chain: Array, pair: Array, i: int) -> None:
     """Fill in force, friction, slip and stiffness of the two elements at node i of the chains."""
     held = HELD * plane.segment.stiffness
@@ -270,7 +270,7 @@ def _load_elements(plane: Plane, chain: Array, pair: Array, i: int) -> None:
         pair[STIFFNESS, p] = max(chain[SLOPE, p, i] + chain[SLOPE, p, i + 1], held)
 
 
-@inlined
+@kernel
 def _load_hinges(plane: Plane, both: BothPlanes, hinge: Array, g: int, passed: float) -> tuple[float, float]:
     """Fill in the same of the two hinges of group g.
 
@@ -292,7 +292,7 @@ def _load_hinges(plane: Plane, both: BothPlanes, hinge: Array, g: int, passed: f
     return wrapped, passed + turned
 
 
-@inlined
+@kernel
 def rub(pair: Array, limit: float) -> bool:
     """Fill in what is missing and its derivatives, from forces, friction, slip and stiffness of neighbours.
 
@@ -319,7 +319,7 @@ def rub(pair: Array, limit: float) -> bool:
     return slide
 
 
-@fused
+@kernel
 def _settle(
     plane: Plane, both: BothPlanes, now: Positions, farthest: float, begins: bool
 ) -> tuple[float, bool]:
@@ -354,7 +354,7 @@ def _settle(
     return missing, False
 
 
-@inlined
+@kernel
 def _limit(slides: int, holds: float, begins: bool) -> float:
     """Return the factor on the friction to be overcome before neighbours slide."""
     if slides == 0:
@@ -362,7 +362,7 @@ def _limit(slides: int, holds: float, begins: bool) -> float:
     return 0.0 if begins else 1.0
 
 
-@fused
+@kernel
 def _assemble_elements(plane: Plane, both: BothPlanes, slip: Signs, begins: bool) -> tuple[float, bool]:
     """Fill the rows of the elements; return the largest force missing [N], and if one is yet to be moved."""
     E, c, pair, chain = plane.elements, plane.per_tension, both.pair, both.chain
@@ -393,7 +393,7 @@ def _assemble_elements(plane: Plane, both: BothPlanes, slip: Signs, begins: bool
     return missing, unsettled
 
 
-@fused
+@kernel
 def _assemble_hinges(
     plane: Plane, both: BothPlanes, hinge: Array, turn: Signs, begins: bool
 ) -> tuple[float, bool]:
@@ -423,7 +423,7 @@ def _assemble_hinges(
     return missing, unsettled
 
 
-@inlined
+@kernel
 def _assemble_ends(plane: Plane, both: BothPlanes, pulley: Array) -> float:
     """Fill the rows of the tip and of the pulleys; return the largest force missing [N]."""
     first, last, missing = 4 * plane.elements, 2 * plane.elements + 1, 0.0
@@ -444,7 +444,7 @@ def _assemble_ends(plane: Plane, both: BothPlanes, pulley: Array) -> float:
     return missing
 
 
-@inlined
+@kernel
 def _add_segments(
     matrix: Array, row: int, column: Index, chain: Array, p: int, node: int, of_force: float, of_sum: float
 ) -> None:
@@ -455,7 +455,7 @@ def _add_segments(
     matrix[row, column[p, node + 2]] += (of_force - of_sum) * behind
 
 
-@inlined
+@kernel
 def _move(plane: Plane, both: BothPlanes, now: Positions, share: float) -> None:
     """Move nodes, hinges and pulleys by a share of the step; what is held goes back to where it was."""
     E, G, chain = plane.elements, len(plane.size), both.chain
@@ -507,7 +507,7 @@ def eliminate(matrix: Array, right: Array, elements: int, hinges: int) -> None:
         right[k] = total / matrix[k, k]
 
 
-@inlined
+@kernel
 def _near(k: int, elements: int, hinges: int, count: int) -> int:
     """Return the end of the unknowns that row k holds before those of the border."""
     if k < elements:
@@ -517,7 +517,7 @@ def _near(k: int, elements: int, hinges: int, count: int) -> int:
     return count
 
 
-@fused
+@kernel
 def _sweep_both(plane: Plane, both: BothPlanes, now: Positions) -> None:
     """Bring one pair after the other to its own equilibrium."""
     E, chain, pair, pulley, slip = plane.elements, both.chain, both.pair, now.pulley, now.slip
@@ -544,7 +544,7 @@ def _sweep_both(plane: Plane, both: BothPlanes, now: Positions) -> None:
         pulley[p] += _pulley_force(plane, chain, pulley, p) / yielding
 
 
-@inlined
+@kernel
 def _load_sides(plane: Plane, chain: Array, pulley: Array, i: int) -> None:
     """Fill in tension, force and slope of the segments on both sides of node i."""
     last = 2 * plane.elements + 1
@@ -557,7 +557,7 @@ def _load_sides(plane: Plane, chain: Array, pulley: Array, i: int) -> None:
             chain[TENSION, p, k], chain[FORCE, p, k], chain[SLOPE, p, k] = loaded
 
 
-@fused
+@kernel
 def _sweep_hinges(plane: Plane, both: BothPlanes, now: Positions) -> None:
     """Bring one group of hinges after the other to its own equilibrium, and the tip with them."""
     E, passed, chain, pair = plane.elements, 0.0, both.chain, both.pair
@@ -579,7 +579,7 @@ def _sweep_hinges(plane: Plane, both: BothPlanes, now: Positions) -> None:
         turn[0, g] = turn[1, g] = 1 if slides else 0
 
 
-@inlined
+@kernel
 def come_to_rest(pair: Array, limit: float) -> bool:
     """Fill in the slip of neighbours that come to rest with their friction and stiffness.
 
