@@ -23,7 +23,6 @@ import math
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import CAUGHT_UP
@@ -52,8 +51,6 @@ from twin.reduced.one_plane import (
     turn_of,
 )
 
-Index = NDArray[np.int64]
-
 PARTS = 5  # that an increment is divided into: the direction of friction turns within it
 MOST_PARTS = 1024  # where no equilibrium is found
 SWEEPS = 25  # in the first turn; each turn has twice as many as the one before, up to 8 times these
@@ -64,7 +61,7 @@ LEAST_SHARE = 1 / 16  # shortest of these steps, as a share of a whole one
 FARTHEST = (
     2e-4  # travel of an element in a step, besides twice that of the pulleys [m]: slack hardly holds it
 )
-NEAR = 3  # unknowns after its own that a row of an element holds: its neighbour, the next element of both
+LEAD, LEAD_BELOW_N = 0.0, 1e-2
 TRIALS = 12  # most steps of the search for the rest of one pair: its wires may turn slack or taut
 ROOT_STEPS = 30  # most steps of the search for the travel of a pair that slides
 LEAST_TORQUE = 1e-12  # smallest friction of a hinge [N m]: a force over its friction must be a number
@@ -77,6 +74,9 @@ that it feels [N / m or N m / rad], and missing force; of those that are held, t
 """
 OF_FORCE, OF_FRICTION, OF_SLIP = 5, 7, 9
 """First of two rows each: derivatives of the missing force of a neighbour by those of both."""
+LOWER, MAIN, UPPER, BORDER, RIGHT = 0, 2, 4, 6, 8
+LED, FIRST = 7, 8
+HINGE_BEFORE, HINGE_SLOPE, HINGE_LED, HINGE_FIRST = range(4)
 
 
 class Positions(NamedTuple):
@@ -90,36 +90,29 @@ class Positions(NamedTuple):
 
 
 class BothPlanes(NamedTuple):
-    """Scratch arrays of two planes: N = 2 E + 1 nodes in each, U = 4 E + 2 G + 4 unknowns."""
+    """Scratch arrays of two planes: N = 2 E + 1 nodes in each."""
 
     start: Positions  # at the start of the increment
-    chain: Array  # (7, 2, N + 1) rows as in `one_plane.py`, of each plane
-    hinge: Array  # (2, 2, G) angle at the start of the increment [rad], slope of the torque [N m / rad]
+    chain: Array  # (9, 2, N + 1) rows as in `one_plane.py`, then the two below, of each plane
+    hinge: Array  # (4, 2, G) rows of groups of hinges
     pair: Array  # (11, 2) rows of neighbours
-    column: Index  # (2, N + 2) unknown of each node, with the pulley before and after them
-    matrix: Array  # (U, U) linear system: elements, hinges, tip, pulleys [N / m]; rows of hinges [N m]
-    right: Array  # (U,) its right side, then its solution
+    system: Array  # (N, 2, 9) linear system of the nodes: columns below
+    pulley: Array  # (2, 3) equations of the pulleys
+    group: Array  # (G, 2, 5) travel of groups by that of the nodes before and after the tip, and by itself
 
     @classmethod
     def of(cls, elements: int, groups: int) -> Self:
         """Return scratch arrays."""
-        nodes, unknowns = 2 * elements + 1, 4 * elements + 2 * groups + 4
-        column = np.empty((2, nodes + 2), np.int64)
-        for p in range(2):
-            column[p, 0] = column[p, -1] = unknowns - 2 + p
-            column[p, elements + 1] = unknowns - 4 + p
-            for i in range(elements):  # of both wires from the pulley to the tip, neighbours side by side
-                column[p, 1 + i] = 2 * i + p
-                column[p, nodes - i] = 2 * (elements + i) + p
+        nodes = 2 * elements + 1
         element, hinge = np.zeros((2, 2 * elements)), np.zeros((2, groups))
         return cls(
             start=Positions(element, hinge, np.zeros(2), element.astype(np.int8), hinge.astype(np.int8)),
-            chain=np.zeros((7, 2, nodes + 1)),
-            hinge=np.zeros((2, 2, groups)),
+            chain=np.zeros((9, 2, nodes + 1)),
+            hinge=np.zeros((4, 2, groups)),
             pair=np.zeros((11, 2)),
-            column=column,
-            matrix=np.zeros((unknowns, unknowns)),
-            right=np.zeros(unknowns),
+            system=np.zeros((nodes, 2, 9)),
+            pulley=np.zeros((2, 3)),
+            group=np.zeros((groups, 2, 5)),
         )
 
 
@@ -190,29 +183,58 @@ def _solve_part(plane: Plane, both: BothPlanes, now: Positions) -> float:
             chain[BEFORE, p, j if j < E else j + 1] = element[p, j]
         bend = 0.0
         for g in range(hinge.shape[1]):
-            both.hinge[0, p, g] = hinge[p, g]
+            both.hinge[HINGE_BEFORE, p, g] = hinge[p, g]
+            both.hinge[HINGE_LED, p, g] = 0.0
             bend += plane.size[g] * hinge[p, g]
         chain[BEFORE, p, E] = plane.arm * bend
         for i in range(2 * E + 1):
             chain[NODE, p, i] = chain[BEFORE, p, i]
+            chain[LED, p, i] = 0.0
         _fill_stretch(plane, chain, STRETCH_BEFORE, p, pulley[p])
     _load_both(plane, chain, pulley)
+    _remember(plane, both, now)
+    driven = False
     for p in range(2):
-        pulley[p] += _pulley_force(plane, chain, pulley, p) / PULLEY_STIFFNESS
+        force = _pulley_force(plane, chain, pulley, p)
+        driven = driven or abs(force) > RESIDUAL_N
+        pulley[p] += force / PULLEY_STIFFNESS
     if plane.holds > 1.0:
         _hold_caught_up(plane, chain, slip)
 
     missing = math.inf
     for turns in range(ROUNDS):
-        missing, settled = _settle(plane, both, now, farthest, turns == 0)
+        missing, settled = _settle(plane, both, now, farthest, turns == 0 and driven)
         if settled:
             break
+        for p in range(2):
+            for i in range(2 * E + 1):
+                chain[LED, p, i] = 0.0
+            for g in range(hinge.shape[1]):
+                both.hinge[HINGE_LED, p, g] = 0.0
         for _ in range(SWEEPS << min(turns, 3)):
             _sweep_both(plane, both, now)
     for p in range(2):
         for j in range(2 * E):
             element[p, j] = chain[NODE, p, j if j < E else j + 1]
     return missing
+
+
+@inlined
+def _remember(plane: Plane, both: BothPlanes, now: Positions) -> None:
+    E, chain, pair, passed = plane.elements, both.chain, both.pair, 0.0
+    for j in range(2 * E):
+        i = j if j < E else j + 1
+        _load_elements(plane, chain, pair, i)
+        v, w = pair[HELD_FORCE, 0] / pair[FRICTION, 0], pair[HELD_FORCE, 1] / pair[FRICTION, 1]
+        size = math.sqrt(v * v + w * w)
+        over = 0.0 if size < 0.99 else 1 / size
+        chain[FIRST, 0, i], chain[FIRST, 1, i] = v * over, w * over
+    for g in range(now.hinge.shape[1]):
+        _, passed = _load_hinges(plane, both, now.hinge, g, passed)
+        v, w = pair[HELD_FORCE, 0] / pair[FRICTION, 0], pair[HELD_FORCE, 1] / pair[FRICTION, 1]
+        size = math.sqrt(v * v + w * w)
+        over = 0.0 if size < 0.99 else 1 / size
+        both.hinge[HINGE_FIRST, 0, g], both.hinge[HINGE_FIRST, 1, g] = v * over, w * over
 
 
 @inlined
@@ -266,7 +288,7 @@ def _load_elements(plane: Plane, chain: Array, pair: Array, i: int) -> None:
         pair[HELD_FORCE, p] = chain[FORCE, p, i] - chain[FORCE, p, i + 1]
         tension = chain[TENSION, p, i] + chain[TENSION, p, i + 1]
         pair[FRICTION, p] = plane.per_tension * tension + plane.floor
-        pair[SLIPPED, p] = chain[NODE, p, i] - chain[BEFORE, p, i]
+        pair[SLIPPED, p] = chain[NODE, p, i] - chain[BEFORE, p, i] - chain[LED, p, i]
         pair[STIFFNESS, p] = max(chain[SLOPE, p, i] + chain[SLOPE, p, i + 1], held)
 
 
@@ -282,12 +304,12 @@ def _load_hinges(plane: Plane, both: BothPlanes, hinge: Array, g: int, passed: f
     turned = turn_of(size, hinge[0, g], hinge[1, g] ** 2)
     wrapped = arm * plane.routing * (passed + turned / 2.0)
     for p in range(2):
-        torque, slope = hinge_torque(law, plane.straight[p], hinge[p, g], both.hinge[0, p, g])
-        both.hinge[1, p, g] = slope
+        torque, slope = hinge_torque(law, plane.straight[p], hinge[p, g], both.hinge[HINGE_BEFORE, p, g])
+        both.hinge[HINGE_SLOPE, p, g] = slope
         pair[HELD_FORCE, p] = arm * (chain[FORCE, p, E] - chain[FORCE, p, E + 1]) - torque
         rubbing = wrapped * (chain[TENSION, p, E] + chain[TENSION, p, E + 1])
         pair[FRICTION, p] = plane.joint_friction[g] + rubbing + LEAST_TORQUE
-        pair[SLIPPED, p] = hinge[p, g] - both.hinge[0, p, g]
+        pair[SLIPPED, p] = hinge[p, g] - both.hinge[HINGE_BEFORE, p, g] - both.hinge[HINGE_LED, p, g]
         pair[STIFFNESS, p] = slope + arm * arm * size * (chain[SLOPE, p, E] + chain[SLOPE, p, E + 1])
     return wrapped, passed + turned
 
@@ -298,25 +320,25 @@ def rub(pair: Array, limit: float) -> bool:
 
     Return whether they slide: they do where the force exceeds `limit` times the friction.
     """
-    t, F = (pair[HELD_FORCE, 0], pair[HELD_FORCE, 1]), (pair[FRICTION, 0], pair[FRICTION, 1])
-    dx = (pair[SLIPPED, 0], pair[SLIPPED, 1])
-    rho = (pair[STIFFNESS, 0] + pair[STIFFNESS, 1]) / (F[0] ** 2 + F[1] ** 2)
-    v = (t[0] / F[0] + rho * F[0] * dx[0], t[1] / F[1] + rho * F[1] * dx[1])
-    size = math.hypot(v[0], v[1])
-    slide = size > limit
+    F, G = pair[FRICTION, 0], pair[FRICTION, 1]
+    rho = (pair[STIFFNESS, 0] + pair[STIFFNESS, 1]) / (F * F + G * G)
+    v = pair[HELD_FORCE, 0] / F + rho * F * pair[SLIPPED, 0]
+    w = pair[HELD_FORCE, 1] / G + rho * G * pair[SLIPPED, 1]
+    size = math.sqrt(v * v + w * w)
+    if not size > limit:
+        return False
+    along, across = (v / size, w / size), (-w / size, v / size)
     for p in range(2):
-        pair[MISSING, p] = t[p] - F[p] * v[p] / size if slide else -dx[p]
+        pair[MISSING, p] = pair[HELD_FORCE, p] - pair[FRICTION, p] * along[p]
+        # of F_p v_p / |v| with respect to v_q: what turns it, across itself
+        turned = pair[FRICTION, p] * across[p] / size
         for q in range(2):
-            same = 1.0 if p == q else 0.0
-            if not slide:
-                pair[OF_FORCE + p, q], pair[OF_FRICTION + p, q], pair[OF_SLIP + p, q] = 0.0, 0.0, -same
-                continue
-            # of F_p v_p / |v| with respect to v_q
-            turned = F[p] * (same - v[p] * v[q] / size**2) / size
-            pair[OF_FORCE + p, q] = same - turned / F[q]
-            pair[OF_FRICTION + p, q] = -same * v[p] / size - turned * (rho * dx[q] - t[q] / F[q] ** 2)
-            pair[OF_SLIP + p, q] = -turned * rho * F[q]
-    return slide
+            same, of_q, F = 1.0 if p == q else 0.0, turned * across[q], pair[FRICTION, q]
+            pair[OF_FORCE + p, q] = same - of_q / F
+            change = rho * pair[SLIPPED, q] - pair[HELD_FORCE, q] / (F * F)
+            pair[OF_FRICTION + p, q] = -same * along[p] - of_q * change
+            pair[OF_SLIP + p, q] = -of_q * rho * F
+    return True
 
 
 @fused
@@ -328,37 +350,43 @@ def _settle(
     An element goes no further than `farthest` in a step [m]; where it `begins`, what slid in the last
     increment is let go first.
     """
-    E, right, pulley = plane.elements, both.right, now.pulley
+    E, system, pulley = plane.elements, both.system, now.pulley
     missing, before, share = math.inf, math.inf, 1.0
+    lead = LEAD if begins else 0.0
     for step in range(NEWTON_STEPS):
-        for row in range(len(right)):
-            for k in range(len(right)):
-                both.matrix[row, k] = 0.0
         _load_both(plane, both.chain, pulley)
         first = begins and step == 0
         of_elements, moved = _assemble_elements(plane, both, now.slip, first)
         of_hinges, turned = _assemble_hinges(plane, both, now.hinge, now.turn, first)
-        missing = max(of_elements, of_hinges, _assemble_ends(plane, both, pulley))
+        missing = max(of_elements, of_hinges)
+        for p in range(2):
+            missing = larger(missing, abs(_pulley_force(plane, both.chain, pulley, p)))
+        if lead > 0.0 and missing <= LEAD_BELOW_N and not moved and not turned:
+            _lead(plane, both, now, lead)
+            lead = 0.0
+            continue
         if missing <= RESIDUAL_N and not moved and not turned:
             return missing, True
         if not missing < math.inf:
             break
-        eliminate(both.matrix, right, 4 * E, 2 * len(plane.size))
+        eliminate(system)
+        _pull(plane, both, pulley)
         if step >= EAGER:
             share = max(share / 2, LEAST_SHARE) if missing > before else min(2 * share, 1.0)
         before = missing
         longest = 1e-12
-        for k in range(4 * E):
-            longest = max(longest, abs(right[k]))
+        for i in range(2 * E + 1):
+            if i != E:
+                longest = max(longest, abs(system[i, 0, RIGHT]), abs(system[i, 1, RIGHT]))
         _move(plane, both, now, min(share, farthest / longest))
     return missing, False
 
 
 @inlined
-def _limit(slides: int, holds: float, begins: bool) -> float:
+def _limit(pair: Array, slides: int, holds: float, begins: bool, residual: float) -> float:
     """Return the factor on the friction to be overcome before neighbours slide."""
     if slides == 0:
-        return holds
+        return holds + residual / (pair[FRICTION, 0] + pair[FRICTION, 1])
     return 0.0 if begins else 1.0
 
 
@@ -366,30 +394,35 @@ def _limit(slides: int, holds: float, begins: bool) -> float:
 def _assemble_elements(plane: Plane, both: BothPlanes, slip: Signs, begins: bool) -> tuple[float, bool]:
     """Fill the rows of the elements; return the largest force missing [N], and if one is yet to be moved."""
     E, c, pair, chain = plane.elements, plane.per_tension, both.pair, both.chain
-    column, matrix, right = both.column, both.matrix, both.right
     missing, unsettled = 0.0, False
     for j in range(2 * E):
         i = j if j < E else j + 1
+        row = both.system[i]
+        row[:] = 0.0
         _load_elements(plane, chain, pair, i)
-        slides = rub(pair, _limit(slip[0, j], plane.holds, begins))
+        slides = 1 if rub(pair, _limit(pair, slip[0, j], plane.holds, begins, RESIDUAL_N)) else 0
+        unsettled = unsettled or slip[0, j] != slides
+        slip[0, j] = slip[1, j] = slides
+        if slides == 0:  # it goes back to where it was
+            for p in range(2):
+                chain[LED, p, i] = 0.0
+                row[p, MAIN + p] = 1.0
+                row[p, RIGHT] = chain[BEFORE, p, i] - chain[NODE, p, i]
+                unsettled = unsettled or row[p, RIGHT] != 0.0
+            continue
         for p in range(2):
-            row = column[p, i + 1]
-            right[row] = -pair[MISSING, p]
-            for q in range(2):
-                matrix[row, column[q, i + 1]] += pair[OF_SLIP + p, q]
-            if not slides:
-                unsettled = unsettled or slip[p, j] != 0 or pair[SLIPPED, p] != 0.0
-                slip[p, j] = 0
-                continue
-            unsettled = unsettled or slip[p, j] == 0
-            slip[p, j] = 1
             missing = larger(missing, abs(pair[MISSING, p]))
             for q in range(2):
                 of_force, of_sum = pair[OF_FORCE + p, q], c * pair[OF_FRICTION + p, q]
-                _add_segments(matrix, row, column, chain, q, i, of_force, of_sum)
+                ahead = (of_force + of_sum) * chain[SLOPE, q, i]
+                behind = (of_force - of_sum) * chain[SLOPE, q, i + 1]
+                row[p, (BORDER if i == 0 else LOWER) + q] = ahead
+                row[p, MAIN + q] = pair[OF_SLIP + p, q] - ahead - behind
+                row[p, (BORDER if i == 2 * E else UPPER) + q] = behind
             if min(chain[SLOPE, p, i], chain[SLOPE, p, i + 1]) == 0.0:
                 # Slack on one side: neighbours that slide with it may be held by nothing.
-                matrix[row, row] -= HELD * plane.segment.stiffness
+                row[p, MAIN + p] -= HELD * plane.segment.stiffness
+            row[p, RIGHT] = -pair[MISSING, p]
     return missing, unsettled
 
 
@@ -397,124 +430,143 @@ def _assemble_elements(plane: Plane, both: BothPlanes, slip: Signs, begins: bool
 def _assemble_hinges(
     plane: Plane, both: BothPlanes, hinge: Array, turn: Signs, begins: bool
 ) -> tuple[float, bool]:
-    """Fill the rows of the groups of hinges; return likewise."""
-    E, arm, pair, chain = plane.elements, plane.arm, both.pair, both.chain
-    column, matrix, right = both.column, both.matrix, both.right
-    missing, unsettled, passed = 0.0, False, 0.0
+    """Fold the groups of hinges, which follow the moment of the tip, into its row; return likewise."""
+    E, arm, pair, chain, angle = plane.elements, plane.arm, both.pair, both.chain, both.hinge
+    tip, missing, unsettled, passed = both.system[E], 0.0, False, 0.0
+    tip[:] = 0.0
+    tip[0, MAIN] = tip[1, MAIN + 1] = 1.0
     for g in range(hinge.shape[1]):
         wrapped, passed = _load_hinges(plane, both, hinge, g, passed)
-        slides = rub(pair, _limit(turn[0, g], 1.0, begins))
+        slides = 1 if rub(pair, _limit(pair, turn[0, g], 1.0, begins, arm * RESIDUAL_N)) else 0
+        unsettled = unsettled or turn[0, g] != slides
+        turn[0, g] = turn[1, g] = slides
+        group = both.group[g]
+        group[:] = 0.0
+        if slides == 0:
+            for p in range(2):
+                angle[HINGE_LED, p, g] = 0.0
+                group[p, 4] = angle[HINGE_BEFORE, p, g] - hinge[p, g]
+                unsettled = unsettled or group[p, 4] != 0.0
+        else:
+            for p in range(2):
+                missing = larger(missing, abs(pair[MISSING, p]) / arm)
+                for q in range(2):
+                    of_force, of_sum = arm * pair[OF_FORCE + p, q], wrapped * pair[OF_FRICTION + p, q]
+                    group[p, q] = (of_force + of_sum) * chain[SLOPE, q, E]
+                    group[p, 2 + q] = (of_force - of_sum) * chain[SLOPE, q, E + 1]
+                    both.pulley[p, q] = pair[OF_FORCE + p, q] * angle[HINGE_SLOPE, q, g] - pair[OF_SLIP + p, q]
+                group[p, 4] = pair[MISSING, p]
+            divide(group, both.pulley, 0, 0, 5)
+        weight = arm * plane.size[g]
         for p in range(2):
-            row = 4 * E + 2 * g + p
-            right[row] = -pair[MISSING, p]
             for q in range(2):
-                of_angle = pair[OF_SLIP + p, q] - pair[OF_FORCE + p, q] * both.hinge[1, q, g]
-                matrix[row, 4 * E + 2 * g + q] += of_angle
-            if not slides:
-                unsettled = unsettled or turn[p, g] != 0 or pair[SLIPPED, p] != 0.0
-                turn[p, g] = 0
-                continue
-            unsettled = unsettled or turn[p, g] == 0
-            turn[p, g] = 1
-            missing = larger(missing, abs(pair[MISSING, p]) / arm)
-            for q in range(2):
-                of_force, of_sum = arm * pair[OF_FORCE + p, q], wrapped * pair[OF_FRICTION + p, q]
-                _add_segments(matrix, row, column, chain, q, E, of_force, of_sum)
+                tip[p, LOWER + q] -= weight * group[p, q]
+                tip[p, MAIN + q] += weight * (group[p, q] + group[p, 2 + q])
+                tip[p, UPPER + q] -= weight * group[p, 2 + q]
+            tip[p, RIGHT] += weight * group[p, 4]
     return missing, unsettled
 
 
 @inlined
-def _assemble_ends(plane: Plane, both: BothPlanes, pulley: Array) -> float:
-    """Fill the rows of the tip and of the pulleys; return the largest force missing [N]."""
-    first, last, missing = 4 * plane.elements, 2 * plane.elements + 1, 0.0
-    chain, column, matrix = both.chain, both.column, both.matrix
-    for p in range(2):
-        row = column[p, plane.elements + 1]  # the tip is where the hinges bring it, before and after
-        both.right[row] = 0.0
-        matrix[row, row] = -1.0
-        for g in range(len(plane.size)):
-            matrix[row, first + 2 * g + p] = plane.arm * plane.size[g]
-        row = column[p, 0]
-        force = _pulley_force(plane, chain, pulley, p)
-        both.right[row] = -force
-        matrix[row, row] -= PULLEY_STIFFNESS + chain[SLOPE, p, 0] + chain[SLOPE, p, last]
-        matrix[row, column[p, 1]] += chain[SLOPE, p, 0]
-        matrix[row, column[p, last]] += chain[SLOPE, p, last]
-        missing = larger(missing, abs(force))
-    return missing
+def _lead(plane: Plane, both: BothPlanes, now: Positions, lead: float) -> None:
+    """Let the friction of what slid before oppose the slip as it turns."""
+    E, chain, angle, pair, passed = plane.elements, both.chain, both.hinge, both.pair, 0.0
+    for j in range(2 * E):
+        i = j if j < E else j + 1
+        _load_elements(plane, chain, pair, i)
+        F, G = pair[FRICTION, 0], pair[FRICTION, 1]
+        travel = lead * math.sqrt((F * pair[SLIPPED, 0]) ** 2 + (G * pair[SLIPPED, 1]) ** 2)
+        chain[LED, 0, i] = travel * chain[FIRST, 0, i] / F
+        chain[LED, 1, i] = travel * chain[FIRST, 1, i] / G
+    for g in range(now.hinge.shape[1]):
+        _, passed = _load_hinges(plane, both, now.hinge, g, passed)
+        F, G = pair[FRICTION, 0], pair[FRICTION, 1]
+        travel = lead * math.sqrt((F * pair[SLIPPED, 0]) ** 2 + (G * pair[SLIPPED, 1]) ** 2)
+        angle[HINGE_LED, 0, g] = travel * angle[HINGE_FIRST, 0, g] / F
+        angle[HINGE_LED, 1, g] = travel * angle[HINGE_FIRST, 1, g] / G
 
 
 @inlined
-def _add_segments(
-    matrix: Array, row: int, column: Index, chain: Array, p: int, node: int, of_force: float, of_sum: float
-) -> None:
-    """Add to a row how the difference and the sum of the tensions on both sides of a node change."""
-    ahead, behind = chain[SLOPE, p, node], chain[SLOPE, p, node + 1]
-    matrix[row, column[p, node]] += (of_force + of_sum) * ahead
-    matrix[row, column[p, node + 1]] += (of_sum - of_force) * behind - (of_force + of_sum) * ahead
-    matrix[row, column[p, node + 2]] += (of_force - of_sum) * behind
+def divide(row: Array, by: Array, of: int, first: int, end: int) -> None:
+    """Divide columns of a row (2, ...) in place by two columns of another, from the left."""
+    a, b, c, d = by[0, of], by[0, of + 1], by[1, of], by[1, of + 1]
+    over = 1.0 / (a * d - b * c)
+    for k in range(first, end):
+        above, below = row[0, k], row[1, k]
+        row[0, k] = (d * above - b * below) * over
+        row[1, k] = (a * below - c * above) * over
+
+
+@kernel
+def eliminate(system: Array) -> None:
+    """Solve block-tridiagonal equations (N, 2, 9) in place, without pivots.
+
+    Nodes become the right side less the border times the unknowns of the border.
+    """
+    last = len(system) - 1
+    for i in range(last + 1):
+        row = system[i]
+        if i > 0:
+            for p in range(2):
+                for k in range(2):
+                    low = row[p, LOWER + k]
+                    row[p, MAIN] -= low * system[i - 1, k, UPPER]
+                    row[p, MAIN + 1] -= low * system[i - 1, k, UPPER + 1]
+                    for column in range(BORDER, RIGHT + 1):
+                        row[p, column] -= low * system[i - 1, k, column]
+        divide(row, row, MAIN, UPPER, RIGHT + 1)
+    for i in range(last - 1, -1, -1):
+        for p in range(2):
+            for k in range(2):
+                for column in range(BORDER, RIGHT + 1):
+                    system[i, p, column] -= system[i, p, UPPER + k] * system[i + 1, k, column]
+
+
+@inlined
+def _pull(plane: Plane, both: BothPlanes, pulley: Array) -> None:
+    """Move the pulleys, and with them the solution for the nodes.
+
+    Pulleys u: (K + k_a + k_b) u = force + k_a x_first + k_b x_last.
+    """
+    system, chain, last = both.system, both.chain, 2 * plane.elements
+    row = both.pulley
+    for p in range(2):
+        ahead, behind = chain[SLOPE, p, 0], chain[SLOPE, p, last + 1]
+        for k in range(2):
+            row[p, k] = ahead * system[0, p, BORDER + k] + behind * system[last, p, BORDER + k]
+        row[p, p] += PULLEY_STIFFNESS + ahead + behind
+        row[p, 2] = _pulley_force(plane, chain, pulley, p)
+        row[p, 2] += ahead * system[0, p, RIGHT] + behind * system[last, p, RIGHT]
+    divide(row, row, 0, 2, 3)
+    for i in range(last + 1):
+        for p in range(2):
+            for k in range(2):
+                system[i, p, RIGHT] -= system[i, p, BORDER + k] * row[k, 2]
 
 
 @inlined
 def _move(plane: Plane, both: BothPlanes, now: Positions, share: float) -> None:
     """Move nodes, hinges and pulleys by a share of the step; what is held goes back to where it was."""
-    E, G, chain = plane.elements, len(plane.size), both.chain
-    travel, column, hinge, slip, turn = both.right, both.column, now.hinge, now.slip, now.turn
+    E, chain, system = plane.elements, both.chain, both.system
+    hinge, slip, turn = now.hinge, now.slip, now.turn
     for p in range(2):
         for j in range(2 * E):
             i = j if j < E else j + 1
-            moved = chain[NODE, p, i] + share * travel[column[p, i + 1]]
+            moved = chain[NODE, p, i] + share * system[i, p, RIGHT]
             chain[NODE, p, i] = chain[BEFORE, p, i] if slip[p, j] == 0 else moved
         bend = 0.0
-        for g in range(G):
-            moved = hinge[p, g] + share * travel[4 * E + 2 * g + p]
-            hinge[p, g] = both.hinge[0, p, g] if turn[p, g] == 0 else moved
+        for g in range(len(plane.size)):
+            group = both.group[g]
+            travel = group[p, 4]
+            for q in range(2):
+                ahead = system[E - 1, q, RIGHT] - system[E, q, RIGHT]
+                behind = system[E, q, RIGHT] - system[E + 1, q, RIGHT]
+                travel += group[p, q] * ahead - group[p, 2 + q] * behind
+            moved = hinge[p, g] + share * travel
+            hinge[p, g] = both.hinge[HINGE_BEFORE, p, g] if turn[p, g] == 0 else moved
             bend += plane.size[g] * hinge[p, g]
         chain[NODE, p, E] = plane.arm * bend
-        now.pulley[p] += share * travel[column[p, 0]]
-
-
-@kernel
-def eliminate(matrix: Array, right: Array, elements: int, hinges: int) -> None:
-    """Solve a linear system (N, N) in place, without pivots: its right side (N,) becomes the solution.
-
-    Its unknowns are those of `elements`, of `hinges`, two side by side, and a border. Elements hold the next
-    `NEAR` alone, hinges their neighbour and elements, and all of them the border: the work grows with their
-    number, and not with its third power.
-    """
-    count, border = len(right), elements + hinges
-    for k in range(count):
-        near = _near(k, elements, hinges, count)
-        far = max(near, border)
-        for row in range(k + 1, count):
-            if row >= near and (row < elements or (row < far and k >= elements)):
-                continue
-            if matrix[row, k] == 0.0:
-                continue
-            ratio = matrix[row, k] / matrix[k, k]
-            for column in range(k + 1, near):
-                matrix[row, column] -= ratio * matrix[k, column]
-            for column in range(far, count):
-                matrix[row, column] -= ratio * matrix[k, column]
-            right[row] -= ratio * right[k]
-    for k in range(count - 1, -1, -1):
-        near = _near(k, elements, hinges, count)
-        total = right[k]
-        for column in range(k + 1, near):
-            total -= matrix[k, column] * right[column]
-        for column in range(max(near, border), count):
-            total -= matrix[k, column] * right[column]
-        right[k] = total / matrix[k, k]
-
-
-@inlined
-def _near(k: int, elements: int, hinges: int, count: int) -> int:
-    """Return the end of the unknowns that row k holds before those of the border."""
-    if k < elements:
-        return min(k + 1 + NEAR, elements)
-    if k < elements + hinges:
-        return k + 2 - (k - elements) % 2
-    return count
+        now.pulley[p] += share * both.pulley[p, 2]
 
 
 @fused
@@ -569,7 +621,7 @@ def _sweep_hinges(plane: Plane, both: BothPlanes, now: Positions) -> None:
             _, then = _load_hinges(plane, both, hinge, g, passed)
             slides, farthest = come_to_rest(pair, 1.0), 0.0
             for p in range(2):
-                moved = both.hinge[0, p, g] + pair[SLIPPED, p]
+                moved = both.hinge[HINGE_BEFORE, p, g] + pair[SLIPPED, p]
                 farthest = max(farthest, abs(moved - hinge[p, g]))
                 hinge[p, g] = moved
                 chain[NODE, p, E] = plane.arm * bend_of(plane.size, hinge[p])
