@@ -54,7 +54,7 @@ NEWTON_STEPS = 25
 EAGER = 6  # whole steps; then one that led away is followed by a shorter one, as where wires turn slack
 LEAST_SHARE = 1 / 16  # shortest of these steps, as a share of a whole one
 FARTHEST = 2e-4  # travel of an element in a step, besides twice the pulleys' [m]: slack hardly holds it
-LEAD, LEAD_BELOW_N, VISCOUS = 0.4, 1e-2, 1.0
+LEAD, LEAD_BELOW_N, VISCOUS = 0.4, 1e-1, 1.0
 TRIALS = 12  # most steps of the search for the rest of one pair: its wires may turn slack or taut
 ROOT_STEPS = 30  # most steps of the search for the travel of a pair that slides
 LEAST_TORQUE = 1e-12  # smallest friction of a hinge [N m]: a force over its friction must be a number
@@ -127,19 +127,13 @@ def solve_both_planes(plane: Plane, both: BothPlanes, now: Positions, periods: i
     Positions and slip are rewritten. A part has at least one of the control periods to begin with. Return
     the largest force that is missing [N].
     """
-    start, target = both.start, plane.target
+    start, missing, parts = both.start, math.inf, PARTS
     _copy(start, now)
-    missing, parts = math.inf, min(periods, PARTS)
     while not missing <= RESIDUAL_N and parts <= MOST_PARTS:
         _copy(now, start)
         missing = 0.0
-        for part in range(1, parts + 1):
-            share = part / parts
-            there = (
-                start.pulley[0] + (target[0] - start.pulley[0]) * share,
-                start.pulley[1] + (target[1] - start.pulley[1]) * share,
-            )
-            missing = max(missing, _solve_part(_part_of(plane, parts, there), both, now))
+        for left in range(parts, 0, -1):
+            missing = max(missing, _solve_part(plane, both, now, parts, left))
             if not missing <= RESIDUAL_N:
                 break
         parts *= 4
@@ -147,7 +141,7 @@ def solve_both_planes(plane: Plane, both: BothPlanes, now: Positions, periods: i
 
 
 @inlined
-def _part_of(plane: Plane, parts: int, target: tuple[float, float]) -> Plane:
+def _part_of(plane: Plane, parts: int, target: Two) -> Plane:
     """Return the parameters for one of equal parts of an increment, in which damping counts as much more."""
     segment, hinge = plane.segment, plane.hinge
     return Plane(
@@ -168,22 +162,31 @@ def _part_of(plane: Plane, parts: int, target: tuple[float, float]) -> Plane:
 
 
 @kernel
-def _solve_part(plane: Plane, both: BothPlanes, now: Positions) -> float:
-    """Bring two planes to equilibrium after a part of an increment; return the largest force missing [N]."""
-    count, target, pulley, pair, slides = 2 * plane.elements, plane.target, now.pulley, both.pair, both.slides
-    farthest = FARTHEST + 2 * max(abs(target[0] - pulley[0]), abs(target[1] - pulley[1]))
+def _solve_part(whole: Plane, both: BothPlanes, now: Positions, parts: int, left: int) -> float:
+    """Bring two planes to equilibrium after a part of an increment; return the largest force missing [N].
+
+    It is the first of those that are `left`: the drive goes as much of its way from where it holds the
+    pulleys.
+    """
+    count, pulley, pair, slides = 2 * whole.elements, now.pulley, both.pair, both.slides
     for k in range(len(pair)):
         slides[k] = now.slip[0, k] if k < count else now.turn[0, k - count]
         for p in range(2):
             pair[k, p, PLACE] = now.element[p, k] if k < count else now.hinge[p, k - count]
             pair[k, p, BEFORE], pair[k, p, LED] = pair[k, p, PLACE], 0.0
-    _load_segments(plane, both, pulley, True)
+    _load_segments(whole, both, pulley, True)
+    way = (
+        _pulley_force(whole, both, pulley, 0) / PULLEY_STIFFNESS,
+        _pulley_force(whole, both, pulley, 1) / PULLEY_STIFFNESS,
+    )
+    rest = 1.0 - 1.0 / left
+    plane = _part_of(whole, parts, (whole.target[0] - way[0] * rest, whole.target[1] - way[1] * rest))
     _load_pairs(plane, both, 0, len(pair))
-    driven, missing = False, math.inf
+    driven, missing, farthest = False, math.inf, FARTHEST
     for p in range(2):
-        force = _pulley_force(plane, both, pulley, p)
-        driven = driven or abs(force) > RESIDUAL_N
-        pulley[p] += force / PULLEY_STIFFNESS
+        driven = driven or abs(way[p]) * PULLEY_STIFFNESS > RESIDUAL_N
+        pulley[p] += way[p] / left
+        farthest = max(farthest, FARTHEST + 2 * abs(way[p] / left))
     _hold_caught_up(plane, both)
     for k in range(len(pair)):
         for p in range(2):
