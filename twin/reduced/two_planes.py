@@ -54,7 +54,7 @@ NEWTON_STEPS = 25
 EAGER = 6  # whole steps; then one that led away is followed by a shorter one, as where wires turn slack
 LEAST_SHARE = 1 / 16  # shortest of these steps, as a share of a whole one
 FARTHEST = 2e-4  # travel of an element in a step, besides twice the pulleys' [m]: slack hardly holds it
-LEAD, LEAD_BELOW_N, VISCOUS = 0.4, 1e-1, 1.0
+LEAD, LEAD_BELOW_N, VISCOUS = 0.45, 1e-1, 1.0
 TRIALS = 12  # most steps of the search for the rest of one pair: its wires may turn slack or taut
 ROOT_STEPS = 30  # most steps of the search for the travel of a pair that slides
 LEAST_TORQUE = 1e-12  # smallest friction of a hinge [N m]: a force over its friction must be a number
@@ -174,14 +174,13 @@ def _solve_part(whole: Plane, both: BothPlanes, now: Positions, parts: int, left
         for p in range(2):
             pair[k, p, PLACE] = now.element[p, k] if k < count else now.hinge[p, k - count]
             pair[k, p, BEFORE], pair[k, p, LED] = pair[k, p, PLACE], 0.0
-    _load_segments(whole, both, pulley, True)
+    _load(whole, both, pulley, True, 0, len(pair))
     way = (
         _pulley_force(whole, both, pulley, 0) / PULLEY_STIFFNESS,
         _pulley_force(whole, both, pulley, 1) / PULLEY_STIFFNESS,
     )
     rest = 1.0 - 1.0 / left
     plane = _part_of(whole, parts, (whole.target[0] - way[0] * rest, whole.target[1] - way[1] * rest))
-    _load_pairs(plane, both, 0, len(pair))
     driven, missing, farthest = False, math.inf, FARTHEST
     for p in range(2):
         driven = driven or abs(way[p]) * PULLEY_STIFFNESS > RESIDUAL_N
@@ -219,9 +218,9 @@ def _hold_caught_up(plane: Plane, both: BothPlanes) -> None:
             both.slides[k] = 0
 
 
-@fused
-def _load_segments(plane: Plane, both: BothPlanes, pulley: Array, begins: bool) -> None:
-    """Fill in stretch, tension, force and slope of all segments, and where the tip is."""
+@kernel
+def _load(plane: Plane, both: BothPlanes, pulley: Array, begins: bool, first: int, end: int) -> None:
+    """Fill in all segments, where the tip is, and some pairs."""
     E, segment, pair, tip, law = plane.elements, both.segment, both.pair, both.tip, plane.segment
     rest, size = plane.rest, plane.size
     for p in range(2):
@@ -244,20 +243,7 @@ def _load_segments(plane: Plane, both: BothPlanes, pulley: Array, begins: bool) 
             loaded = load_of(law, stretch, segment[i, p, STRETCH_BEFORE])
             segment[i, p, TENSION], segment[i, p, FORCE], segment[i, p, SLOPE] = loaded
 
-
-@inlined
-def _pulley_force(plane: Plane, both: BothPlanes, pulley: Array, p: int) -> float:
-    """Return the force that is missing at a pulley [N], between its spring and both wires."""
-    first, last = both.segment[0, p, FORCE], both.segment[-1, p, FORCE]
-    missing: float = PULLEY_STIFFNESS * (plane.target[p] - pulley[p]) - first + last
-    return missing
-
-
-@fused
-def _load_pairs(plane: Plane, both: BothPlanes, first: int, end: int) -> None:
-    """Fill in force, friction and stiffness of pairs."""
-    E, arm, pair, segment, passed = plane.elements, plane.arm, both.pair, both.segment, 0.0
-    straight, law, size, own = plane.straight, plane.hinge, plane.size, plane.joint_friction
+    arm, passed, straight, own = plane.arm, 0.0, plane.straight, plane.joint_friction
     held = HELD * plane.segment.stiffness
     for k in range(first, min(end, 2 * E)):
         i = k if k < E else k + 1
@@ -273,13 +259,21 @@ def _load_pairs(plane: Plane, both: BothPlanes, first: int, end: int) -> None:
         passed += turned
         pair[k, 0, WRAPPED] = wrapped
         for p in range(2):
-            torque, slope = hinge_torque(law, straight[p], pair[k, p, PLACE], pair[k, p, BEFORE])
+            torque, slope = hinge_torque(plane.hinge, straight[p], pair[k, p, PLACE], pair[k, p, BEFORE])
             pair[k, p, PULLED] = arm * (segment[E, p, FORCE] - segment[E + 1, p, FORCE]) - torque
             rubbing = wrapped * (segment[E, p, TENSION] + segment[E + 1, p, TENSION])
             pair[k, p, FRICTION] = own[g] + rubbing + LEAST_TORQUE
             pair[k, p, OWN] = slope
             slope += arm * arm * size[g] * (segment[E, p, SLOPE] + segment[E + 1, p, SLOPE])
             pair[k, p, STIFFNESS] = slope
+
+
+@inlined
+def _pulley_force(plane: Plane, both: BothPlanes, pulley: Array, p: int) -> float:
+    """Return the force that is missing at a pulley [N], between its spring and both wires."""
+    first, last = both.segment[0, p, FORCE], both.segment[-1, p, FORCE]
+    missing: float = PULLEY_STIFFNESS * (plane.target[p] - pulley[p]) - first + last
+    return missing
 
 
 class Rubbing(NamedTuple):
@@ -317,17 +311,18 @@ def _settle(
     increment is let go first.
     """
     missing, before, share = math.inf, math.inf, 1.0
-    leads = begins
+    leads, led = begins, False
     for step in range(NEWTON_STEPS):
-        _load_segments(plane, both, pulley, False)
-        _load_pairs(plane, both, 0, len(both.pair))
+        if not led:
+            _load(plane, both, pulley, False, 0, len(both.pair))
+        led = False
         missing, moved = _assemble(plane, both, begins and step == 0)
         for p in range(2):
             missing = larger(missing, abs(_pulley_force(plane, both, pulley, p)))
         if leads and missing <= LEAD_BELOW_N and not moved and LEAD > 0.0:
             _lead(plane, both)
-            missing, moved = _assemble(plane, both, False)
-            leads = False
+            leads, led = False, True
+            continue
         if missing <= RESIDUAL_N and not moved:
             return missing, True
         if not missing < math.inf:
@@ -551,8 +546,7 @@ def _sweep_both(plane: Plane, both: BothPlanes, pulley: Array) -> None:
     pair = both.pair
     for k in range(len(pair)):
         for _ in range(TRIALS):
-            _load_segments(plane, both, pulley, False)
-            _load_pairs(plane, both, k, k + 1)
+            _load(plane, both, pulley, False, k, k + 1)
             farthest = 0.0
             slipped, slides = come_to_rest(
                 (pair[k, 0, PULLED], pair[k, 1, PULLED]),
@@ -568,7 +562,7 @@ def _sweep_both(plane: Plane, both: BothPlanes, pulley: Array) -> None:
                 pair[k, p, PLACE] = moved
             if farthest < 1e-12:
                 break
-    _load_segments(plane, both, pulley, False)
+    _load(plane, both, pulley, False, 0, 0)
     for p in range(2):
         yielding = PULLEY_STIFFNESS + both.segment[0, p, SLOPE] + both.segment[-1, p, SLOPE]
         pulley[p] += _pulley_force(plane, both, pulley, p) / yielding
