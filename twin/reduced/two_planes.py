@@ -54,7 +54,7 @@ NEWTON_STEPS = 25
 EAGER = 6  # whole steps; then one that led away is followed by a shorter one, as where wires turn slack
 LEAST_SHARE = 1 / 16  # shortest of these steps, as a share of a whole one
 FARTHEST = 2e-4  # travel of an element in a step, besides twice the pulleys' [m]: slack hardly holds it
-LEAD, LEAD_BELOW_N, VISCOUS = 0.45, 1e-1, 1.0
+LEAD, LEAD_BELOW_N = 0.45, 1.0
 TRIALS = 12  # most steps of the search for the rest of one pair: its wires may turn slack or taut
 ROOT_STEPS = 30  # most steps of the search for the travel of a pair that slides
 LEAST_TORQUE = 1e-12  # smallest friction of a hinge [N m]: a force over its friction must be a number
@@ -130,7 +130,8 @@ def solve_both_planes(plane: Plane, both: BothPlanes, now: Positions, periods: i
     start, missing, parts = both.start, math.inf, PARTS
     _copy(start, now)
     while not missing <= RESIDUAL_N and parts <= MOST_PARTS:
-        _copy(now, start)
+        if parts > PARTS:
+            _copy(now, start)
         missing = 0.0
         for left in range(parts, 0, -1):
             missing = max(missing, _solve_part(plane, both, now, parts, left))
@@ -191,7 +192,7 @@ def _solve_part(whole: Plane, both: BothPlanes, now: Positions, parts: int, left
         for p in range(2):
             pair[k, p, FIRST] = 0.0 if slides[k] == 0 else pair[k, p, PULLED]
 
-    for turns in range(ROUNDS):
+    for turns in range(ROUNDS if parts > PARTS else 1):
         missing, settled = _settle(plane, both, pulley, farthest, turns == 0 and driven)
         if settled:
             break
@@ -283,8 +284,9 @@ class Rubbing(NamedTuple):
     along: Two  # n
     across: Two  # m, which is square to n
     turned: Two  # F_p m_p / |v|: F_p n_p changes by it times the change of v along m
-    change: Two  # of v_q with the friction F_q
-    rho: float  # v_q changes by it times F_q with the slip, and with the force by 1 / F_q
+    of_force: Two  # of v_q with the force on each
+    of_friction: Two  # with the friction
+    of_slip: Two  # with the slip
 
 
 @inlined
@@ -292,13 +294,21 @@ def rub(force: Two, friction: Two, slipped: Two, stiffness: float) -> Rubbing:
     """Return how two neighbours rub that have slipped, from the forces on them, friction and stiffness."""
     F, G = friction
     rho = stiffness / (F * F + G * G)
-    t, u = force[0] / F, force[1] / G
+    f, g = 1.0 / F, 1.0 / G
+    t, u = force[0] * f, force[1] * g
     v, w = t + rho * F * slipped[0], u + rho * G * slipped[1]
     size = math.sqrt(v * v + w * w)
-    along, across = (v / size, w / size), (-w / size, v / size)
-    turned = (F * across[0] / size, G * across[1] / size)
-    change = (rho * slipped[0] - t / F, rho * slipped[1] - u / G)
-    return Rubbing(size, along, across, turned, change, rho)
+    per = 1.0 / size if size > 0.0 else 0.0
+    m, n = -w * per, v * per
+    return Rubbing(
+        size,
+        (n, -m),
+        (m, n),
+        (F * m * per, G * n * per),
+        (f, g),
+        (rho * slipped[0] - t * f, rho * slipped[1] - u * g),
+        (rho * F, rho * G),
+    )
 
 
 @fused
@@ -311,18 +321,15 @@ def _settle(
     increment is let go first.
     """
     missing, before, share = math.inf, math.inf, 1.0
-    leads, led = begins, False
+    leads, moved = begins, False
     for step in range(NEWTON_STEPS):
-        if not led:
-            _load(plane, both, pulley, False, 0, len(both.pair))
-        led = False
+        _load(plane, both, pulley, False, 0, len(both.pair))
+        if leads and before <= LEAD_BELOW_N and not moved:
+            _lead(plane, both)
+            leads = False
         missing, moved = _assemble(plane, both, begins and step == 0)
         for p in range(2):
             missing = larger(missing, abs(_pulley_force(plane, both, pulley, p)))
-        if leads and missing <= LEAD_BELOW_N and not moved and LEAD > 0.0:
-            _lead(plane, both)
-            leads, led = False, True
-            continue
         if missing <= RESIDUAL_N and not moved:
             return missing, True
         if not missing < math.inf:
@@ -348,11 +355,11 @@ def _assemble(plane: Plane, both: BothPlanes, begins: bool) -> tuple[float, bool
         both.slides,
         both.segment,
     )
-    missing, unsettled = 0.0, False
+    missing, unsettled, per_arm = 0.0, False, 1.0 / arm
     for k in range(len(pair)):
         hinges = k >= 2 * E
         i = E if hinges else k if k < E else k + 1
-        reach = arm if hinges else 1.0
+        reach, per_reach = (arm, per_arm) if hinges else (1.0, 1.0)
         gain = pair[k, 0, WRAPPED] if hinges else plane.per_tension
         F = (pair[k, 0, FRICTION], pair[k, 1, FRICTION])
         force = (pair[k, 0, PULLED], pair[k, 1, PULLED])
@@ -379,18 +386,18 @@ def _assemble(plane: Plane, both: BothPlanes, begins: bool) -> tuple[float, bool
         slides[k] = 1
         for p in range(2):
             row[k, p, MISSING] = force[p] - F[p] * r.along[p]
-            missing = larger(missing, abs(row[k, p, MISSING]) / reach)
+            missing = larger(missing, abs(row[k, p, MISSING]) * per_reach)
             for q in range(2):
                 same, turned = 1.0 if p == q else 0.0, r.turned[p] * r.across[q]
                 of_force, of_sum = (
-                    reach * (same - turned / F[q]),
-                    gain * (same * r.along[p] + turned * r.change[q]),
+                    reach * (same - turned * r.of_force[q]),
+                    gain * (same * r.along[p] + turned * r.of_friction[q]),
                 )
                 row[k, p, AHEAD + q] = (of_force - of_sum) * segment[i, q, SLOPE]
                 row[k, p, BEHIND + q] = (of_force + of_sum) * segment[i + 1, q, SLOPE]
-                row[k, p, MAIN + q] = turned * r.rho * F[q]
+                row[k, p, MAIN + q] = turned * r.of_slip[q]
                 if hinges:
-                    row[k, p, MAIN + q] += (same - turned / F[q]) * pair[k, q, OWN]
+                    row[k, p, MAIN + q] += (same - turned * r.of_force[q]) * pair[k, q, OWN]
             if not hinges and min(segment[i, p, SLOPE], segment[i + 1, p, SLOPE]) == 0.0:
                 # Slack on one side: neighbours that slide with it may be held by nothing.
                 row[k, p, MAIN + p] += HELD * plane.segment.stiffness
@@ -406,18 +413,21 @@ def _lead(plane: Plane, both: BothPlanes) -> None:
             continue
         hinges = k >= 2 * E
         i = E if hinges else k if k < E else k + 1
-        travel = size = 0.0
+        forward = travel = size = 0.0
         for p in range(2):
             moved, F = pair[k, p, PLACE] - pair[k, p, BEFORE], pair[k, p, FRICTION]
             viscous = segment[i, p, FORCE] - segment[i, p, TENSION]
             viscous -= segment[i + 1, p, FORCE] - segment[i + 1, p, TENSION]
             if hinges:
                 viscous = plane.arm * viscous - plane.hinge.damping * moved
-            pair[k, p, LED] = (pair[k, p, FIRST] + VISCOUS * viscous) / F
-            size += pair[k, p, LED] ** 2
+            force = pair[k, p, FIRST] + viscous
+            pair[k, p, LED] = force / (F * F)
+            forward += force * moved
             travel += (F * moved) ** 2
+            size += (force / F) ** 2
+        share = LEAD * math.sqrt(travel / size) if forward > 0.0 else 0.0
         for p in range(2):
-            pair[k, p, LED] *= LEAD * math.sqrt(travel / size) / pair[k, p, FRICTION]
+            pair[k, p, LED] *= share
 
 
 @fused
