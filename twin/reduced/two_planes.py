@@ -92,7 +92,6 @@ class BothPlanes(NamedTuple):
     slides: NDArray[np.int64]  # (P,) whether they slide
     of_pair: Array  # (P, 2, 7) linear system of the pairs
     of_node: Array  # (2 E + 1, 2, 9) the same of the nodes of both planes
-    tip: Array  # (2,) where the hinges bring it [m]
     of_pulley: Array  # (2, 3) linear system of the pulleys, and its solution
 
     @classmethod
@@ -106,7 +105,6 @@ class BothPlanes(NamedTuple):
             slides=np.zeros(pairs, np.int64),
             of_pair=np.zeros((pairs, 2, 7)),
             of_node=np.zeros((2 * elements + 1, 2, 9)),
-            tip=np.zeros(2),
             of_pulley=np.zeros((2, 3)),
         )
 
@@ -162,7 +160,7 @@ def _part_of(plane: Plane, parts: int, target: Two) -> Plane:
     )
 
 
-@kernel
+@fused
 def _solve_part(whole: Plane, both: BothPlanes, now: Positions, parts: int, left: int) -> float:
     """Bring two planes to equilibrium after a part of an increment; return the largest force missing [N].
 
@@ -175,7 +173,7 @@ def _solve_part(whole: Plane, both: BothPlanes, now: Positions, parts: int, left
         for p in range(2):
             pair[k, p, PLACE] = now.element[p, k] if k < count else now.hinge[p, k - count]
             pair[k, p, BEFORE], pair[k, p, LED] = pair[k, p, PLACE], 0.0
-    _load(whole, both, pulley, True, 0, len(pair))
+    _load(whole, both.segment, pair, pulley, True, 0, len(pair))
     way = (
         _pulley_force(whole, both, pulley, 0) / PULLEY_STIFFNESS,
         _pulley_force(whole, both, pulley, 1) / PULLEY_STIFFNESS,
@@ -220,20 +218,21 @@ def _hold_caught_up(plane: Plane, both: BothPlanes) -> None:
 
 
 @kernel
-def _load(plane: Plane, both: BothPlanes, pulley: Array, begins: bool, first: int, end: int) -> None:
+def _load(
+    plane: Plane, segment: Array, pair: Array, pulley: Array, begins: bool, first: int, end: int
+) -> None:
     """Fill in all segments, where the tip is, and some pairs."""
-    E, segment, pair, tip, law = plane.elements, both.segment, both.pair, both.tip, plane.segment
-    rest, size = plane.rest, plane.size
+    E, law, rest, size = plane.elements, plane.segment, plane.rest, plane.size
     for p in range(2):
         bend = 0.0
         for g in range(len(size)):
             bend += size[g] * pair[2 * E + g, p, PLACE]
-        tip[p] = plane.arm * bend
+        tip = plane.arm * bend
         node = pulley[p]
         for i in range(2 * E + 2):
             before = node
             if i == E:
-                node = tip[p]
+                node = tip
             elif i == 2 * E + 1:
                 node = pulley[p]
             else:
@@ -323,7 +322,7 @@ def _settle(
     missing, before, share = math.inf, math.inf, 1.0
     leads, moved = begins, False
     for step in range(NEWTON_STEPS):
-        _load(plane, both, pulley, False, 0, len(both.pair))
+        _load(plane, both.segment, both.pair, pulley, False, 0, len(both.pair))
         if leads and before <= LEAD_BELOW_N and not moved:
             _lead(plane, both)
             leads = False
@@ -556,7 +555,7 @@ def _sweep_both(plane: Plane, both: BothPlanes, pulley: Array) -> None:
     pair = both.pair
     for k in range(len(pair)):
         for _ in range(TRIALS):
-            _load(plane, both, pulley, False, k, k + 1)
+            _load(plane, both.segment, pair, pulley, False, k, k + 1)
             farthest = 0.0
             slipped, slides = come_to_rest(
                 (pair[k, 0, PULLED], pair[k, 1, PULLED]),
@@ -572,7 +571,7 @@ def _sweep_both(plane: Plane, both: BothPlanes, pulley: Array) -> None:
                 pair[k, p, PLACE] = moved
             if farthest < 1e-12:
                 break
-    _load(plane, both, pulley, False, 0, 0)
+    _load(plane, both.segment, pair, pulley, False, 0, 0)
     for p in range(2):
         yielding = PULLEY_STIFFNESS + both.segment[0, p, SLOPE] + both.segment[-1, p, SLOPE]
         pulley[p] += _pulley_force(plane, both, pulley, p) / yielding
