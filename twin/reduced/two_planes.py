@@ -46,7 +46,7 @@ from twin.reduced.one_plane import (
 
 Two = tuple[float, float]
 
-PARTS = 1
+FARTHEST_TURN = 0.3  # sine of it, above which an increment is divided
 MOST_PARTS = 1024  # where no equilibrium is found
 SWEEPS = 25  # in the first turn; each turn has twice as many as the one before, up to 8 times these
 ROUNDS = 12  # times that Newton's steps and sweeps take turns, before the increment is given up
@@ -119,22 +119,24 @@ def _copy(to: Positions, values: Positions) -> None:
 
 
 @fused
-def solve_both_planes(plane: Plane, both: BothPlanes, now: Positions, periods: int) -> float:
-    """Bring two planes to equilibrium after an increment, in as many parts as that takes.
+def solve_both_planes(plane: Plane, both: BothPlanes, now: Positions) -> float:
+    """Bring two planes to equilibrium after an increment; return the largest force missing [N].
 
-    Positions and slip are rewritten. A part has at least one of the control periods to begin with. Return
-    the largest force that is missing [N].
+    It is divided where friction turns far, or no equilibrium is found. Positions and slip are rewritten.
     """
-    start, missing, parts = both.start, math.inf, PARTS
+    start, missing, parts = both.start, math.inf, 1
     _copy(start, now)
-    while not missing <= RESIDUAL_N and parts <= MOST_PARTS:
-        if parts > PARTS:
+    while parts <= MOST_PARTS:
+        if parts > 1:
             _copy(now, start)
-        missing = 0.0
+        missing = turned = 0.0
         for left in range(parts, 0, -1):
-            missing = max(missing, _solve_part(plane, both, now, parts, left))
+            of_part, turn = _solve_part(plane, both, now, parts, left)
+            missing, turned = max(missing, of_part), max(turned, turn)
             if not missing <= RESIDUAL_N:
                 break
+        if missing <= RESIDUAL_N and (turned <= FARTHEST_TURN or parts > 1):
+            break
         parts *= 4
     return missing
 
@@ -161,11 +163,10 @@ def _part_of(plane: Plane, parts: int, target: Two) -> Plane:
 
 
 @fused
-def _solve_part(whole: Plane, both: BothPlanes, now: Positions, parts: int, left: int) -> float:
-    """Bring two planes to equilibrium after a part of an increment; return the largest force missing [N].
+def _solve_part(whole: Plane, both: BothPlanes, now: Positions, parts: int, left: int) -> tuple[float, float]:
+    """Bring two planes to equilibrium after a part of an increment, the first of those that are `left`.
 
-    It is the first of those that are `left`: the drive goes as much of its way from where it holds the
-    pulleys.
+    Return the largest force missing [N], and the sine of the largest angle by which friction turned.
     """
     count, pulley, pair, slides = 2 * whole.elements, now.pulley, both.pair, both.slides
     for k in range(len(pair)):
@@ -190,21 +191,31 @@ def _solve_part(whole: Plane, both: BothPlanes, now: Positions, parts: int, left
         for p in range(2):
             pair[k, p, FIRST] = 0.0 if slides[k] == 0 else pair[k, p, PULLED]
 
-    for turns in range(ROUNDS if parts > PARTS else 1):
+    settled, turned = False, 0.0
+    for turns in range(ROUNDS if parts > 1 else 1):
+        for _ in range(SWEEPS << min(turns - 1, 3) if turns > 0 else 0):
+            _sweep_both(plane, both, pulley)
         missing, settled = _settle(plane, both, pulley, farthest, turns == 0 and driven)
         if settled:
             break
-        for k in range(len(pair)):
-            pair[k, 0, LED] = pair[k, 1, LED] = 0.0
-        for _ in range(SWEEPS << min(turns, 3)):
-            _sweep_both(plane, both, pulley)
     for k in range(len(pair)):
+        turned = max(turned, _turn_of_friction(pair, k))
         for p in range(2):
             if k < count:
                 now.element[p, k], now.slip[p, k] = pair[k, p, PLACE], slides[k]
             else:
                 now.hinge[p, k - count], now.turn[p, k - count] = pair[k, p, PLACE], slides[k]
-    return missing
+    return missing if settled or parts > 1 else math.inf, turned
+
+
+@inlined
+def _turn_of_friction(pair: Array, k: int) -> float:
+    """Return the sine of the angle by which the friction of a pair turned that slid before, else 0."""
+    F, G = pair[k, 0, FRICTION], pair[k, 1, FRICTION]
+    a, b = pair[k, 0, FIRST] / F, pair[k, 1, FIRST] / G
+    c, d = pair[k, 0, PULLED] / F, pair[k, 1, PULLED] / G
+    size = (a * a + b * b) * (c * c + d * d)
+    return abs(a * d - b * c) / math.sqrt(size) if size > 0.0 else 0.0
 
 
 @inlined
@@ -554,6 +565,7 @@ def _sweep_both(plane: Plane, both: BothPlanes, pulley: Array) -> None:
     """Bring one pair after the other to its own equilibrium."""
     pair = both.pair
     for k in range(len(pair)):
+        pair[k, 0, LED] = pair[k, 1, LED] = 0.0
         for _ in range(TRIALS):
             _load(plane, both.segment, pair, pulley, False, k, k + 1)
             farthest = 0.0
