@@ -14,9 +14,15 @@ tau = (t_1 / F_1, t_2 / F_2): dissipation D is least together with the elastic e
 which is what Newton's method needs (Alart and Curnier 1991): for any rho, tau = v / max(1, |v|) with
 v = tau + rho F dx.
 
-Newton's steps on all unknowns together (semismooth: what slides is found with them) and, where they do not
-settle, sweeps over the pairs of neighbours (Gauss-Seidel) take turns until less than `RESIDUAL_N` is missing
-from equilibrium.
+Newton's steps on all unknowns together are semismooth: what slides is found with them. The linear system
+is that of one plane with blocks of 2 x 2. Where they do not settle in a whole increment it is divided, and
+sweeps over the pairs of neighbours (Gauss-Seidel) take turns with them until less than `RESIDUAL_N` is
+missing.
+
+The direction of friction turns within an increment, from tau_0 to the tau at its end. Slip along tau alone,
+as in one step of Euler's, is of first order; slip along tau + tau_0, the trapezoidal rule, is of second. So
+a share of the slip of what slid before is taken along tau_0, and dx above is the rest. Only where friction
+turns far is an increment divided.
 """
 
 import math
@@ -46,31 +52,36 @@ from twin.reduced.one_plane import (
 
 Two = tuple[float, float]
 
-FARTHEST_TURN = 0.3  # sine of it, above which an increment is divided
-MOST_PARTS = 1024  # where no equilibrium is found
+FARTHEST_TURN = 0.3  # of friction in an increment, the sine of its angle: with more, it is divided
+MOST_PARTS = 1024  # that an increment is divided into where no equilibrium is found
+LEAD = 0.45  # share of the slip in the first direction: half is of second order, but not damped
+LEAD_BELOW_N = 1.0  # force missing before a step after which the slip is known well enough for that
 SWEEPS = 25  # in the first turn; each turn has twice as many as the one before, up to 8 times these
 ROUNDS = 12  # times that Newton's steps and sweeps take turns, before the increment is given up
 NEWTON_STEPS = 25
 EAGER = 6  # whole steps; then one that led away is followed by a shorter one, as where wires turn slack
 LEAST_SHARE = 1 / 16  # shortest of these steps, as a share of a whole one
 FARTHEST = 2e-4  # travel of an element in a step, besides twice the pulleys' [m]: slack hardly holds it
-LEAD, LEAD_BELOW_N = 0.45, 1.0
 TRIALS = 12  # most steps of the search for the rest of one pair: its wires may turn slack or taut
 ROOT_STEPS = 30  # most steps of the search for the travel of a pair that slides
 LEAST_TORQUE = 1e-12  # smallest friction of a hinge [N m]: a force over its friction must be a number
 
 STRETCH_BEFORE, TENSION, FORCE, SLOPE = range(4)
-"""Columns of a segment of both planes, as rows in `one_plane.py`."""
+"""Columns of a segment of each plane, as the rows of `one_plane.py`."""
 PLACE, BEFORE, LED, FIRST, PULLED, FRICTION, OWN, STIFFNESS, WRAPPED = range(9)
-"""Columns of a pair of neighbours: elements, then groups of hinges.
+"""Columns of a pair of neighbours, one of each plane: elements, then groups of hinges.
 
-Place now and at the start of the increment, what the slip is counted less [m or rad]; net force at the start
-if it slid before, and now, that friction holds, and friction [N or N m]; slope of its own spring, and
-stiffness that it feels [N / m or N m / rad].
+Position, that at the start of the increment, and slip in the first direction [m or rad]; that direction, tau
+at the start, of those that slid before, else 0; net force that friction holds, and friction [N or N m];
+stiffness of the spring of a hinge, and all that it feels [N / m or N m / rad]; friction of both hinges per
+tension [m].
 """
 AHEAD, BEHIND, MAIN, MISSING, BORDER = 0, 2, 4, 6, 7
-"""First columns of the linear system of a pair or node: of the segments or nodes ahead and behind, of itself,
-its right side and then solution, and the response to the pulleys."""
+"""First columns of a linear system: of pairs by the stretch on both sides, or of nodes by one another.
+
+What is ahead, behind and its own, its right side, which becomes the solution, and travel per travel of the
+pulleys.
+"""
 
 
 class Positions(NamedTuple):
@@ -87,12 +98,12 @@ class BothPlanes(NamedTuple):
     """Scratch arrays of two planes with P = 2 E + G pairs of neighbours, one of each plane."""
 
     start: Positions  # at the start of the increment
-    segment: Array  # (2 E + 2, 2, 4) columns above, of each plane
-    pair: Array  # (P, 2, 9) columns above
+    segment: Array  # (2 E + 2, 2, 4) segments of the chain
+    pair: Array  # (P, 2, 9) pairs of neighbours
     slides: NDArray[np.int64]  # (P,) whether they slide
     of_pair: Array  # (P, 2, 7) linear system of the pairs
-    of_node: Array  # (2 E + 1, 2, 9) the same of the nodes of both planes
-    of_pulley: Array  # (2, 3) linear system of the pulleys, and its solution
+    of_node: Array  # (2 E + 1, 2, 9) linear system of the nodes of the chain
+    of_pulley: Array  # (2, 3) linear system of the pulleys, with its right side and then solution
 
     @classmethod
     def of(cls, elements: int, groups: int) -> Self:
@@ -188,8 +199,10 @@ def _solve_part(whole: Plane, both: BothPlanes, now: Positions, parts: int, left
         farthest = max(farthest, FARTHEST + 2 * abs(way[p] / left))
     _hold_caught_up(plane, both)
     for k in range(len(pair)):
-        for p in range(2):
-            pair[k, p, FIRST] = 0.0 if slides[k] == 0 else pair[k, p, PULLED]
+        t, u = pair[k, 0, PULLED] / pair[k, 0, FRICTION], pair[k, 1, PULLED] / pair[k, 1, FRICTION]
+        size = math.sqrt(t * t + u * u)
+        over = 1.0 / size if slides[k] != 0 and size > 0.0 else 0.0
+        pair[k, 0, FIRST], pair[k, 1, FIRST] = t * over, u * over
 
     settled, turned = False, 0.0
     for turns in range(ROUNDS if parts > 1 else 1):
@@ -199,23 +212,14 @@ def _solve_part(whole: Plane, both: BothPlanes, now: Positions, parts: int, left
         if settled:
             break
     for k in range(len(pair)):
-        turned = max(turned, _turn_of_friction(pair, k))
+        t, u = pair[k, 0, PULLED] / pair[k, 0, FRICTION], pair[k, 1, PULLED] / pair[k, 1, FRICTION]
+        turned = max(turned, abs(pair[k, 0, FIRST] * u - pair[k, 1, FIRST] * t))
         for p in range(2):
             if k < count:
                 now.element[p, k], now.slip[p, k] = pair[k, p, PLACE], slides[k]
             else:
                 now.hinge[p, k - count], now.turn[p, k - count] = pair[k, p, PLACE], slides[k]
     return missing if settled or parts > 1 else math.inf, turned
-
-
-@inlined
-def _turn_of_friction(pair: Array, k: int) -> float:
-    """Return the sine of the angle by which the friction of a pair turned that slid before, else 0."""
-    F, G = pair[k, 0, FRICTION], pair[k, 1, FRICTION]
-    a, b = pair[k, 0, FIRST] / F, pair[k, 1, FIRST] / G
-    c, d = pair[k, 0, PULLED] / F, pair[k, 1, PULLED] / G
-    size = (a * a + b * b) * (c * c + d * d)
-    return abs(a * d - b * c) / math.sqrt(size) if size > 0.0 else 0.0
 
 
 @inlined
@@ -232,7 +236,10 @@ def _hold_caught_up(plane: Plane, both: BothPlanes) -> None:
 def _load(
     plane: Plane, segment: Array, pair: Array, pulley: Array, begins: bool, first: int, end: int
 ) -> None:
-    """Fill in all segments, where the tip is, and some pairs."""
+    """Fill in all segments, and force, friction and stiffness of the pairs from `first` to `end`.
+
+    Where the increment `begins`, stretch is also that at its start.
+    """
     E, law, rest, size = plane.elements, plane.segment, plane.rest, plane.size
     for p in range(2):
         bend = 0.0
@@ -335,7 +342,7 @@ def _settle(
     for step in range(NEWTON_STEPS):
         _load(plane, both.segment, both.pair, pulley, False, 0, len(both.pair))
         if leads and before <= LEAD_BELOW_N and not moved:
-            _lead(plane, both)
+            _lead(both.pair)
             leads = False
         missing, moved = _assemble(plane, both, begins and step == 0)
         for p in range(2):
@@ -356,15 +363,9 @@ def _settle(
 
 @fused
 def _assemble(plane: Plane, both: BothPlanes, begins: bool) -> tuple[float, bool]:
-    """Fill the equations of all pairs; return the largest force missing [N], and if one is yet to be moved."""
-    E, arm, pair, row, slides, segment = (
-        plane.elements,
-        plane.arm,
-        both.pair,
-        both.of_pair,
-        both.slides,
-        both.segment,
-    )
+    """Fill the equations of the pairs; return the largest force missing [N], and if one is yet to move."""
+    E, arm, pair, row = plane.elements, plane.arm, both.pair, both.of_pair
+    slides, segment = both.slides, both.segment
     missing, unsettled, per_arm = 0.0, False, 1.0 / arm
     for k in range(len(pair)):
         hinges = k >= 2 * E
@@ -399,15 +400,11 @@ def _assemble(plane: Plane, both: BothPlanes, begins: bool) -> tuple[float, bool
             missing = larger(missing, abs(row[k, p, MISSING]) * per_reach)
             for q in range(2):
                 same, turned = 1.0 if p == q else 0.0, r.turned[p] * r.across[q]
-                of_force, of_sum = (
-                    reach * (same - turned * r.of_force[q]),
-                    gain * (same * r.along[p] + turned * r.of_friction[q]),
-                )
-                row[k, p, AHEAD + q] = (of_force - of_sum) * segment[i, q, SLOPE]
-                row[k, p, BEHIND + q] = (of_force + of_sum) * segment[i + 1, q, SLOPE]
-                row[k, p, MAIN + q] = turned * r.of_slip[q]
-                if hinges:
-                    row[k, p, MAIN + q] += (same - turned * r.of_force[q]) * pair[k, q, OWN]
+                of_force = same - turned * r.of_force[q]
+                of_sum = gain * (same * r.along[p] + turned * r.of_friction[q])
+                row[k, p, AHEAD + q] = (reach * of_force - of_sum) * segment[i, q, SLOPE]
+                row[k, p, BEHIND + q] = (reach * of_force + of_sum) * segment[i + 1, q, SLOPE]
+                row[k, p, MAIN + q] = turned * r.of_slip[q] + of_force * pair[k, q, OWN]
             if not hinges and min(segment[i, p, SLOPE], segment[i + 1, p, SLOPE]) == 0.0:
                 # Slack on one side: neighbours that slide with it may be held by nothing.
                 row[k, p, MAIN + p] += HELD * plane.segment.stiffness
@@ -415,34 +412,18 @@ def _assemble(plane: Plane, both: BothPlanes, begins: bool) -> tuple[float, bool
 
 
 @inlined
-def _lead(plane: Plane, both: BothPlanes) -> None:
-    """Count the slip of what slid before from ... ."""
-    E, pair, segment = plane.elements, both.pair, both.segment
+def _lead(pair: Array) -> None:
+    """Take a share `LEAD` of the slip of what slid before as slip in the first direction of friction."""
     for k in range(len(pair)):
-        if both.slides[k] == 0 or (pair[k, 0, FIRST] == 0.0 and pair[k, 1, FIRST] == 0.0):
-            continue
-        hinges = k >= 2 * E
-        i = E if hinges else k if k < E else k + 1
-        forward = travel = size = 0.0
-        for p in range(2):
-            moved, F = pair[k, p, PLACE] - pair[k, p, BEFORE], pair[k, p, FRICTION]
-            viscous = segment[i, p, FORCE] - segment[i, p, TENSION]
-            viscous -= segment[i + 1, p, FORCE] - segment[i + 1, p, TENSION]
-            if hinges:
-                viscous = plane.arm * viscous - plane.hinge.damping * moved
-            force = pair[k, p, FIRST] + viscous
-            pair[k, p, LED] = force / (F * F)
-            forward += force * moved
-            travel += (F * moved) ** 2
-            size += (force / F) ** 2
-        share = LEAD * math.sqrt(travel / size) if forward > 0.0 else 0.0
-        for p in range(2):
-            pair[k, p, LED] *= share
+        F, G, t, u = pair[k, 0, FRICTION], pair[k, 1, FRICTION], pair[k, 0, FIRST], pair[k, 1, FIRST]
+        x, y = F * (pair[k, 0, PLACE] - pair[k, 0, BEFORE]), G * (pair[k, 1, PLACE] - pair[k, 1, BEFORE])
+        travel = LEAD * math.sqrt(x * x + y * y) if x * t + y * u > 0.0 else 0.0
+        pair[k, 0, LED], pair[k, 1, LED] = travel * t / F, travel * u / G
 
 
 @fused
 def _gather(plane: Plane, both: BothPlanes) -> None:
-    """Fill the equations of the nodes: elements, and the tip that the groups of hinges carry."""
+    """Fill the equations of the nodes: elements, and the tip, into which the groups of hinges are folded."""
     E, arm, row, node, size = plane.elements, plane.arm, both.of_pair, both.of_node, plane.size
     for k in range(2 * E):
         i = k if k < E else k + 1
@@ -476,7 +457,7 @@ def _gather(plane: Plane, both: BothPlanes) -> None:
 
 @inlined
 def divide(rows: Array, k: int, first: int, end: int) -> None:
-    """Multiply columns of two rows from the left by the inverse of their main block, in place."""
+    """Divide columns of the two rows k by their main block, from the left, in place."""
     a, b, c, d = rows[k, 0, MAIN], rows[k, 0, MAIN + 1], rows[k, 1, MAIN], rows[k, 1, MAIN + 1]
     over = 1.0 / (a * d - b * c)
     for q in range(first, end):
@@ -487,11 +468,7 @@ def divide(rows: Array, k: int, first: int, end: int) -> None:
 
 @kernel
 def eliminate(node: Array) -> None:
-    """Solve block-tridiagonal equations (N, 2, 9) in place, without pivots: right side and border.
-
-    The column of what was missing becomes the solution without the border, and the columns of the border
-    what they add to it.
-    """
+    """Solve block-tridiagonal equations (N, 2, 9) in place, without pivots, for right side and border."""
     for i in range(len(node)):
         for p in range(2):
             for k in range(2):
