@@ -7,16 +7,7 @@ from hypothesis import strategies as st
 
 from twin.mechanics.kernels import COMPILED
 from twin.reduced import two_planes
-from twin.reduced.two_planes import (
-    FRICTION,
-    HELD_FORCE,
-    MISSING,
-    OF_FORCE,
-    OF_FRICTION,
-    OF_SLIP,
-    SLIPPED,
-    STIFFNESS,
-)
+from twin.reduced.two_planes import AHEAD, BEHIND, BORDER, MAIN, MISSING
 
 
 def called_by_python(kernel):
@@ -34,13 +25,12 @@ come_to_rest, eliminate, rub = map(
 
 FORCES = st.floats(-5.0, 5.0)
 FRICTIONS = st.floats(0.05, 3.0)
+STIFFNESS = 3e4, 5e4
 
 
-def neighbours(force, friction, slipped, stiffness=(3e4, 5e4)) -> np.ndarray:
-    """Rows of two neighbours."""
-    pair = np.zeros((11, 2))
-    pair[[HELD_FORCE, FRICTION, SLIPPED, STIFFNESS]] = force, friction, slipped, stiffness
-    return pair
+def missing(force, friction, slipped, stiffness=STIFFNESS) -> np.ndarray:
+    """Force that is missing at two neighbours that slide."""
+    return np.array(force) - friction * np.array(rub(force, friction, slipped, sum(stiffness)).along)
 
 
 @given(friction=st.tuples(FRICTIONS, FRICTIONS), angle=st.floats(-np.pi, np.pi), travel=st.floats(1e-6, 1e-3))
@@ -49,15 +39,14 @@ def test_nothing_is_missing_where_friction_opposes_the_slip_as_one(friction, ang
     slipped = travel * np.array([np.cos(angle), np.sin(angle)])
     weighed = np.array(friction) * slipped
     force = np.array(friction) * weighed / np.hypot(*weighed)
-    pair = neighbours(force, friction, slipped)
-    assert rub(pair, 1.0)
-    np.testing.assert_allclose(pair[MISSING], 0.0, atol=1e-9)
+    assert rub(tuple(force), friction, tuple(slipped), sum(STIFFNESS)).size > 1.0
+    np.testing.assert_allclose(missing(tuple(force), friction, tuple(slipped)), 0.0, atol=1e-9)
 
 
 @given(force=st.tuples(FORCES, FORCES), friction=st.tuples(FRICTIONS, FRICTIONS))
 def test_they_are_held_within_an_ellipse(force, friction):
-    inside = np.hypot(force[0] / friction[0], force[1] / friction[1]) <= 1.0
-    assert rub(neighbours(force, friction, (0.0, 0.0)), 1.0) != inside
+    pulled = np.hypot(force[0] / friction[0], force[1] / friction[1])
+    assert rub(force, friction, (0.0, 0.0), sum(STIFFNESS)).size == pytest.approx(pulled)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -65,10 +54,13 @@ def test_derivatives_are_those_of_differences(seed):
     rng = np.random.default_rng(seed)
     force, friction = rng.uniform(1, 4, 2), rng.uniform(0.2, 2, 2)
     slipped = rng.normal(size=2) * 1e-4
-    pair = neighbours(force, friction, slipped)
-    assert rub(pair, 1.0)
-    found = [pair[row : row + 2].copy() for row in (OF_FORCE, OF_FRICTION, OF_SLIP)]
-    rho = pair[STIFFNESS].sum() / (friction**2).sum()
+    at = rub(tuple(force), tuple(friction), tuple(slipped), sum(STIFFNESS))
+    rho = sum(STIFFNESS) / (friction**2).sum()
+    found = [
+        np.eye(2) - np.outer(at.turned, at.across * np.array(at.of_force)),
+        -np.diag(at.along) - np.outer(at.turned, at.across * np.array(at.of_friction)),
+        -np.outer(at.turned, at.across * np.array(at.of_slip)),
+    ]
 
     def missing(t, F, dx):
         v = t / F + rho * F * dx
@@ -93,34 +85,30 @@ def test_derivatives_are_those_of_differences(seed):
     stiffness=st.tuples(st.floats(1e2, 1e5), st.floats(1e2, 1e5)),
 )
 def test_pair_comes_to_rest_where_nothing_is_missing(force, friction, stiffness):
-    pair = neighbours(force, friction, (0.0, 0.0), stiffness)
-    slides = come_to_rest(pair, 1.0)
-    left = np.array(force) - np.array(stiffness) * pair[SLIPPED]
-    after = neighbours(left, friction, pair[SLIPPED], stiffness)
-    assert rub(after, 1.0) == slides or np.hypot(*(left / friction)) == pytest.approx(1.0)
+    slipped, slides = come_to_rest(force, friction, (0.0, 0.0), stiffness, 1.0)
+    left = tuple(np.array(force) - np.array(stiffness) * slipped)
+    size = rub(left, friction, slipped, sum(stiffness)).size
+    assert (size > 1.0) == slides or size == pytest.approx(1.0)
     if slides:
-        np.testing.assert_allclose(after[MISSING], 0.0, atol=1e-8)
+        np.testing.assert_allclose(missing(left, friction, slipped, stiffness), 0.0, atol=1e-8)
     else:
-        assert not pair[SLIPPED].any()
+        assert slipped == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(("elements", "hinges"), [(4, 2), (20, 16), (12, 4)])
-def test_system_of_chains_hinges_and_border_is_solved(elements, hinges):
-    rng = np.random.default_rng(elements)
-    count = elements + hinges + 4
-    matrix = np.zeros((count, count))
-    for row in range(elements):  # in pairs: neighbours, and the next and the last pair
-        pair = row // 2
-        for other in range(max(0, 2 * pair - 2), min(elements, 2 * pair + 4)):
-            matrix[row, other] = rng.normal()
-    for row in range(elements, elements + hinges):
-        pair = (row - elements) // 2
-        matrix[row, elements + 2 * pair : elements + 2 * pair + 2] = rng.normal(size=2)
-        matrix[row, [0, elements - 1]] = rng.normal(size=2)
-    matrix[:, -4:] = rng.normal(size=(count, 4))
-    matrix[-4:] = rng.normal(size=(4, count))
-    matrix += 30 * np.eye(count)
-    right = rng.normal(size=count)
-    wanted = np.linalg.solve(matrix, right)
-    eliminate(matrix.copy(), right, elements, hinges)
-    np.testing.assert_allclose(right, wanted, rtol=1e-9)
+@pytest.mark.parametrize("nodes", [3, 11])
+def test_system_of_a_chain_of_two_planes_and_its_border_is_solved(nodes):
+    rng = np.random.default_rng(nodes)
+    rows = rng.normal(size=(nodes, 2, 9))
+    rows[:, range(2), range(MAIN, MAIN + 2)] += 30
+    rows[0, :, AHEAD : AHEAD + 2] = rows[-1, :, BEHIND : BEHIND + 2] = 0
+    matrix = np.zeros((nodes, 2, nodes, 2))
+    for i in range(nodes):
+        matrix[i, :, i] = rows[i, :, MAIN : MAIN + 2]
+        if i > 0:
+            matrix[i, :, i - 1] = rows[i, :, AHEAD : AHEAD + 2]
+        if i < nodes - 1:
+            matrix[i, :, i + 1] = rows[i, :, BEHIND : BEHIND + 2]
+    sides = rows[..., MISSING : BORDER + 2].copy()
+    eliminate(rows)
+    wanted = np.linalg.solve(matrix.reshape(2 * nodes, -1), sides.reshape(2 * nodes, -1))
+    np.testing.assert_allclose(rows[..., MISSING:].reshape(2 * nodes, -1), wanted, rtol=1e-9)

@@ -168,14 +168,12 @@ def _increment(
         (state.drive[m, 0, 2], state.drive[m, parameters.planes - 1, 2]),
         c[at.HOLDS],
     )
-    missing = _solve(work.plane, work.both, plane, state, m, periods)
+    missing = _solve(work.plane, work.both, plane, state, m)
     run[at.MISSING_FORCE] = max(run[at.MISSING_FORCE], missing) if missing < math.inf else math.inf
 
 
 @kernel
-def _solve(
-    work: Work | None, both: BothPlanes | None, plane: Plane, state: ReducedState, m: int, periods: int
-) -> float:
+def _solve(work: Work | None, both: BothPlanes | None, plane: Plane, state: ReducedState, m: int) -> float:
     """Solve for one plane or for both; return the largest force that is missing [N].
 
     Numba leaves out a branch where it knows the type None: so one solver is compiled, and not both.
@@ -186,7 +184,7 @@ def _solve(
     if work is not None:
         pulley[0], missing = solve_plane(plane, work, element[0], hinge[0], pulley[0], slip[0], turn[0])
     if both is not None:
-        missing = solve_both_planes(plane, both, Positions(element, hinge, pulley, slip, turn), periods)
+        missing = solve_both_planes(plane, both, Positions(element, hinge, pulley, slip, turn))
     return missing
 
 
