@@ -183,7 +183,9 @@ def test_speed_and_acceleration_stay_within_their_limits(parameters, path, hold)
     if parameters["servo_speed"]:
         assert np.abs(stride).max() <= parameters["servo_speed"] * PERIOD + ROUNDING
     if parameters["servo_acceleration"]:
-        assert np.abs(change).max() <= parameters["servo_acceleration"] * PERIOD**2 + ROUNDING
+        assert (
+            np.abs(change).max() <= (1 + 1 / PARTS) * parameters["servo_acceleration"] * PERIOD**2 + ROUNDING
+        )
 
 
 @given(acceleration=ACCELERATIONS, periods=st.integers(2, 100))
@@ -251,7 +253,7 @@ def test_servo_sees_no_difference_within_a_count(parameters, counts, numbers, da
     for number in numbers:
         rough.advance(number * count)
         fine.advance((number + data.draw(within)) * count)
-        assert bits(rough.state()) == bits(fine.state())
+        assert bits(rough.state()[:3]) == bits(fine.state()[:3])
 
 
 # The state.
@@ -268,5 +270,5 @@ def test_restored_drive_goes_on_bit_for_bit_and_a_reset_one_is_new(parameters, w
 
     used.reset()
     new = drive(backlash=width, **parameters)
-    assert bits(used.state()) == bits(new.state()) == bits([0.0, 0.0, 0.0])
+    assert bits(used.state()) == bits(new.state()) == bits([0.0, 0.0, 0.0, 0.0])
     assert bits(map(used.advance, future)) == bits(map(new.advance, future))

@@ -31,6 +31,7 @@ WINDINGS = [
     {},
     {"sheath_friction_floor": 2.0},  # more than is left at the tip: slack there
     {"wire_stiffening": 0.5},
+    {"wire_toe": 0.5},
     {"bending_planes": 2, "sheath_elements": 3},
     {"sheath_friction": 0.0, "sheath_friction_floor": 0.0, "joint_friction": 0.0},
 ]
@@ -46,6 +47,20 @@ def test_tension_and_stretch_are_inverse_of_each_other(stiffness, stiffening, te
     stretch = stretch_at(tension, *coefficients)
     assert tension_at(stretch, *coefficients) == pytest.approx(tension, rel=1e-12)
     assert stretch_at(tension_at(stretch, *coefficients), *coefficients) == pytest.approx(stretch, rel=1e-12)
+
+
+@given(stiffness=STIFFNESSES, stiffening=STIFFENINGS, tension=TENSIONS, toe=st.floats(1e-3, 100.0))
+def test_with_a_toe_they_are_inverse_too_and_a_wire_is_soft_below_it(stiffness, stiffening, tension, toe):
+    """Without stiffening dT/dx = k (1 - exp(-T / T0)); a wire that carries far more is as without a toe."""
+    law = stiffness, quadratic(stiffness, stiffening), toe / stiffness
+    tension = max(tension, toe / 100)
+    assert tension_at(stretch_at(tension, *law), *law) == pytest.approx(tension, rel=1e-6)
+    straight = stiffness, 0.0, toe / stiffness
+    stretch, step = stretch_at(tension, *straight), 1e-4 * toe / stiffness
+    slope = (tension_at(stretch + step, *straight) - tension_at(stretch - step, *straight)) / (2 * step)
+    assert slope == pytest.approx(-stiffness * np.expm1(-tension / toe), rel=1e-5)
+    taut = 50 * toe / stiffness
+    assert tension_at(taut, *law) == pytest.approx(tension_at(taut, *law[:2]), rel=1e-12)
 
 
 @given(stiffness=STIFFNESSES, stiffening=STIFFENINGS, tension=TENSIONS)

@@ -85,6 +85,7 @@ def test_two_planes_agree():
     [
         {"backlash": 1e-4},
         {"servo_gain": 8.0, "servo_speed": 4e-3},
+        {"wire_toe": 3.0},
         {"encoder_counts": 4000, "backlash": 5e-5, "servo_acceleration": 0.05},
     ],
 )

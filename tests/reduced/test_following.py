@@ -10,7 +10,8 @@ from twin.reduced.members import Members, MemberSet
 from twin.signals.excitation import paths_to
 
 T = 0.1
-PRESET, RANGES = load_preset("ureteroscope"), load_ranges("ureteroscope")
+PRESET = load_preset("ureteroscope").replace(servo_speed=0.0, servo_acceleration=0.0)
+RANGES = load_ranges("ureteroscope")
 DRAWN = tuple(RANGES.draw(PRESET, np.random.default_rng(k)) for k in range(3))
 
 

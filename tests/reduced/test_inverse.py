@@ -13,7 +13,7 @@ from twin.reduced.twins import TOLERANCE
 
 T = 0.1
 STROKE = (-4e-3, 4e-3)
-URETEROSCOPE = load_preset("ureteroscope")
+URETEROSCOPE = load_preset("ureteroscope").replace(servo_speed=0.0, servo_acceleration=0.0)
 WITHIN = np.radians(0.02)
 DRIVES = [
     {},

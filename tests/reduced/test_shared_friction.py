@@ -2,22 +2,12 @@
 
 import numpy as np
 import pytest
+from called_kernels import called_by_python
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.mechanics.kernels import COMPILED
 from twin.reduced import two_planes
 from twin.reduced.two_planes import AHEAD, BEHIND, BORDER, MAIN, MISSING
-
-
-def called_by_python(kernel):
-    """A function that calls a kernel: Python cannot, where kernels are compiled."""
-    if not COMPILED:
-        return kernel
-    import numba
-
-    return numba.njit(lambda *arguments: kernel(*arguments))
-
 
 come_to_rest, eliminate, rub = map(
     called_by_python, (two_planes.come_to_rest, two_planes.eliminate, two_planes.rub)

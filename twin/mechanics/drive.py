@@ -16,8 +16,9 @@ from twin.errors import InputError
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
-DriveState = tuple[float, float, float]  # motor, its stride (see `Drive`), pulley [m]
+DriveState = tuple[float, float, float, float]  # motor, its stride (see `Drive`), pulley, command [m]
 PULLEY_STIFFNESS = 4e6  # of the spring that holds a pulley where its drive is, far above a wire's [N / m]
+SUDDEN = 0.01  # time in which a change of speed counts as sudden [s]
 PARTS = 16  # of a control period, in each of which a motor that is late may change its speed
 _LEAST_CHANGE = 1e-200  # of the velocity per control period [m]: a smaller one could underflow to zero
 
@@ -28,6 +29,7 @@ class DriveLaw(NamedTuple):
     share: float  # of the error that the position loop makes good [-]
     longest: float  # stride [m]
     change: float  # of the stride [m]
+    sudden: float  # change of the stride, and stride, that a motor makes without taking note of the limit [m]
     encoder_step: float  # one count of the encoder [m]; 0 is continuous
     half_play: float  # of the gear [m]
     stiff: bool  # True if the motor follows without lag
@@ -43,6 +45,7 @@ def drive_law(preset: Preset) -> DriveLaw:
         share=-math.expm1(-gain * period) if gain else 1.0,
         longest=speed * period if speed else math.inf,
         change=max(acceleration * period**2, _LEAST_CHANGE) if acceleration else math.inf,
+        sudden=acceleration * period * max(period, SUDDEN) if acceleration else math.inf,
         encoder_step=2 * math.pi * preset.pulley_radius / counts if counts else 0.0,
         half_play=preset.backlash / 2,
         stiff=not (gain or speed or acceleration),
@@ -63,26 +66,32 @@ def delayed_command(delay: float, past: Sequence[float] | Array, command: float)
     return later if part == 0.0 else later + part * (past[whole] - later)
 
 
-def advance_drive(law: DriveLaw, motor: float, stride: float, pulley: float, command: float) -> DriveState:
+def advance_drive(
+    law: DriveLaw, motor: float, stride: float, pulley: float, start: float, command: float
+) -> DriveState:
     """Return the state of a drive one control period later, at a command for its end [m]; a kernel."""
     if law.stiff:
         motor = law.encoder_step * round(command / law.encoder_step) if law.encoder_step else command
     else:
-        # A motor that its acceleration keeps from the command has a path of its own within the period.
-        late = max(abs(command - motor), abs(command - motor - stride)) > law.change
+        # A motor that its acceleration keeps from the command has a path of its own within the period. One
+        # that follows a slow command is there, whatever the period.
+        error = command - motor
+        late = max(max(abs(error), abs(error - stride)), PARTS * abs(start - motor)) > law.sudden
         parts = PARTS if late and not law.encoder_step else 1
-        longest, change, stride = law.longest / parts, law.change / parts**2, stride / parts
+        change = law.change / parts**2 if late or law.encoder_step else math.inf
+        longest, stride = law.longest / parts, stride / parts
         share = law.share if parts == 1 else 1.0 - (1.0 - law.share) ** (1.0 / parts)
-        for _ in range(parts):
+        for part in range(1, parts + 1):
+            wanted = command if part == parts else start + (command - start) * part / parts
             if law.encoder_step:
-                counts = round(command / law.encoder_step) - round(motor / law.encoder_step)
+                counts = round(wanted / law.encoder_step) - round(motor / law.encoder_step)
                 error = law.encoder_step * counts
                 # The true travel is up to half a count shorter than the counted one. Stopping a quarter
                 # before its end, the motor stays clear of the far edge of the count, where it would have to
                 # turn back.
                 reach = abs(error) - law.encoder_step / 4 if counts else 0.0
             else:
-                error = command - motor
+                error = wanted - motor
                 reach = abs(error)
 
             size = min(min(share * abs(error), longest), reach)
@@ -92,8 +101,8 @@ def advance_drive(law: DriveLaw, motor: float, stride: float, pulley: float, com
             before, stride = stride, math.copysign(size, error)
             stride = min(max(stride, before - change), before + change)
 
-            # Arrived without an encoder: motor + (command - motor) may miss the command by its last digit.
-            motor = command if stride == error and not law.encoder_step else motor + stride
+            # Arrived without an encoder: motor + (wanted - motor) may miss the command by its last digit.
+            motor = wanted if stride == error and not law.encoder_step else motor + stride
         stride *= parts
 
     # The pulley rests until a flank of the gear pushes it: wires do not drive a worm gear back.
@@ -103,7 +112,7 @@ def advance_drive(law: DriveLaw, motor: float, stride: float, pulley: float, com
         pulley = motor - law.half_play
     elif pulley > motor + law.half_play:
         pulley = motor + law.half_play
-    return motor, stride, pulley
+    return motor, stride, pulley, command
 
 
 class Drive:
@@ -138,7 +147,7 @@ class Drive:
 
     def reset(self) -> None:
         """Reset motor and pulley to rest at 0, in the middle of the backlash."""
-        self._state = (0.0, 0.0, 0.0)
+        self._state = (0.0, 0.0, 0.0, 0.0)
         self._past = (self._zero,) * math.ceil(self._law.delay)
 
     def state(self) -> tuple[float, ...]:
@@ -147,8 +156,8 @@ class Drive:
 
     def restore(self, state: tuple[float, ...]) -> None:
         """Restore a state that `state` returned; the run continues bit for bit."""
-        motor, stride, pulley, *past = state
-        self._state, self._past = (motor, stride, pulley), tuple(past)
+        motor, stride, pulley, command, *past = state
+        self._state, self._past = (motor, stride, pulley, command), tuple(past)
 
     def advance(self, command: float) -> float:
         """Advance by one control period; return the distance that the pulley has pulled then [m]."""
@@ -163,5 +172,6 @@ class Drive:
         """Advance along commands for the ends of control periods (P,); return the pulls there (P,) [m]."""
         if not self.rigid:
             return np.array([self.advance(command) for command in commands.tolist()])
-        self._state = (float(commands[-1]), 0.0, float(commands[-1]))
+        last = float(commands[-1])
+        self._state = (last, 0.0, last, last)
         return commands

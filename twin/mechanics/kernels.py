@@ -20,6 +20,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+from numpy.typing import NDArray
+
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 # Where kernels are not compiled, the same code runs interpreted, a few hundred times slower.
@@ -148,3 +150,18 @@ def on_compile(notify: Callable[[], None]) -> Iterator[None]:
 
     with event.install_listener("numba:compile", Once()):
         yield
+
+
+@kernel
+def copy_row(to: NDArray[Any], values: NDArray[Any]) -> None:
+    """Copy the numbers of an array into another one."""
+    for i in range(len(to)):
+        to[i] = values[i]
+
+
+@kernel
+def copy_rows(to: NDArray[Any], values: NDArray[Any]) -> None:
+    """Copy the numbers of an array of two dimensions into another one."""
+    for i in range(to.shape[0]):
+        for k in range(to.shape[1]):
+            to[i, k] = values[i, k]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from twin.errors import DivergedError, InputError
 from twin.mechanics.drive import Drive
-from twin.mechanics.kernels import COMPILED, entry
+from twin.mechanics.kernels import COMPILED, copy_row, copy_rows, entry
 from twin.physics.division import STEPPED, Division, write_time_step
 from twin.physics.layout import Layout
 from twin.physics.load import REWRITTEN, Forces, LoadLaw, Wires, follow_load, sheath_friction
@@ -148,7 +148,7 @@ def follow_track(
             travel += abs(stride)
         motion.clock[TIME] = time
         if len(track.spring) > 0:
-            motion.spring[:] = track.spring[k]
+            copy_row(motion.spring, track.spring[k])
         for _ in range(parts):
             follow(motion, sticking, pairs, track.sheath_bend[k], time_step, part, time, scale)
             motion.clock[TRAVEL] += travel / parts
@@ -166,8 +166,8 @@ def follow_track(
                 turn(pairs, motion.forces, motion.constraint, motion.qvel, time_step, part)
         if len(track.qpos) > 0 and (k + 1) % track.periods == 0:
             sample = k // track.periods
-            track.qpos[sample] = motion.qpos
-            track.friction[sample] = motion.forces.sheath
+            copy_row(track.qpos[sample], motion.qpos)
+            copy_rows(track.friction[sample], motion.forces.sheath)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from twin.mechanics.drive import DriveLaw, advance_drive, delayed_command
 from twin.mechanics.friction import friction_drift, friction_floor
-from twin.mechanics.kernels import entry, kernel
+from twin.mechanics.kernels import copy_row, copy_rows, entry, kernel
 from twin.preset.preset import Preset
 from twin.reduced import parameters as at
-from twin.reduced.one_plane import Array, Hinge, Plane, Segment, Work, copy_row, copy_rows, solve_plane
+from twin.reduced.one_plane import Array, Hinge, Plane, Segment, Work, solve_plane
 from twin.reduced.parameters import Parameters, ReducedState, new_state
 from twin.reduced.two_planes import BothPlanes, Positions, solve_both_planes
 
@@ -27,13 +27,13 @@ class Workspace(NamedTuple):
 
     plane: Work | None  # with one bending plane; what a None excludes is not compiled
     both: BothPlanes | None  # with two
-    ahead: Array  # (P, 4) each drive one control period later, and the travel of its pulley [m]
+    ahead: Array  # (P, 5) each drive one control period later, and the travel of its pulley [m]
 
     @classmethod
     def of(cls, parameters: Parameters) -> Self:
         """Return scratch arrays for endoscopes of one layout."""
         layout = parameters.rest.shape[1] // 2 - 1, len(parameters.size)
-        ahead = np.zeros((parameters.planes, 4))
+        ahead = np.zeros((parameters.planes, 5))
         if parameters.planes == 1:
             return cls(Work.of(*layout), None, ahead)
         return cls(None, BothPlanes.of(*layout), ahead)
@@ -91,7 +91,7 @@ def advance_one(
     ahead, planes, late = work.ahead, parameters.planes, parameters.late
     sticks = constants[at.HOLDS] > 1.0
     c = constants[at.DRIVE :]
-    law = DriveLaw(c[0], c[1], c[2], c[3], c[4], c[5] != 0.0, c[6])
+    law = DriveLaw(c[0], c[1], c[2], c[3], c[4], c[5], c[6] != 0.0, c[7])
     waiting, first = 0, 1
     if constants[at.RIGID] and not sticks:  # the increment at the end of the sample is the only one
         waiting, first = periods, periods + 1
@@ -100,7 +100,7 @@ def advance_one(
             drive[p, 0] = inputs[p]
             drive[p, 2] = inputs[p]
     for p in range(planes):
-        ahead[p, 3] = 0.0
+        ahead[p, 4] = 0.0
     for k in range(first, periods + 2):
         # A drive may turn back within a sample: its travel until then is an increment of its own. So is every
         # control period of an endoscope that moves in steps, as in the twin in MuJoCo.
@@ -113,22 +113,24 @@ def advance_one(
                 for older in range(late - 1, -1, -1):
                     past[p, older] = past[p, older - 1] if older > 0 else command
             wanted -= constants[at.ZERO + p]
-            motor, stride, gear = drive[p, 0], drive[p, 1], drive[p, 2]
-            ahead[p, 0], ahead[p, 1], ahead[p, 2] = _advance_drive(law, motor, stride, gear, wanted)
-            turns_back = turns_back or (ahead[p, 2] - gear) * ahead[p, 3] < 0.0
+            motor, stride, gear, start = drive[p, 0], drive[p, 1], drive[p, 2], drive[p, 3]
+            ahead[p, 0], ahead[p, 1], ahead[p, 2], ahead[p, 3] = _advance_drive(
+                law, motor, stride, gear, start, wanted
+            )
+            turns_back = turns_back or (ahead[p, 2] - gear) * ahead[p, 4] < 0.0
         if ends or turns_back or (sticks and waiting > 0):
             done = (k - 1) / periods
             bend = inputs[2] if ends else run[at.COMMAND + 2] * (1.0 - done) + inputs[2] * done
             _increment(parameters, state, work, m, waiting, bend)
             waiting = 0
             for p in range(planes):
-                ahead[p, 3] = 0.0
+                ahead[p, 4] = 0.0
         waiting += 1
         for p in range(0 if ends else planes):
             step = ahead[p, 2] - drive[p, 2]
             run[at.TRAVEL] += abs(step)
-            ahead[p, 3] += step
-            for column in range(3):
+            ahead[p, 4] += step
+            for column in range(4):
                 drive[p, column] = ahead[p, column]
     for column in range(3):
         run[at.COMMAND + column] = inputs[column]

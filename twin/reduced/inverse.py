@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.mechanics.drive import DriveLaw
-from twin.mechanics.kernels import entry, kernel
+from twin.mechanics.kernels import copy_row, copy_rows, entry, kernel
 from twin.reduced.advance import Workspace, advance_one
-from twin.reduced.one_plane import Array, bend_of, copy_row, copy_rows
+from twin.reduced.one_plane import Array, bend_of
 from twin.reduced.parameters import ARM, COMMAND, DRIVE, Parameters, ReducedState
 
 LEAST_WIDTH_M = 1e-9  # bracket that is not narrowed further [m]; nor is one of half a count of the encoder

@@ -26,7 +26,7 @@ neighbours. Sweeps converge for these chains (Rheinboldt 1970, M-functions), but
 """
 
 import math
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,21 +84,6 @@ class Plane(NamedTuple):
     straight: tuple[float, float]  # angle of a hinge where nothing pulls, in each plane [rad]
     target: tuple[float, float]  # distance that each pulley is driven to [m]
     holds: float  # friction of the sheath at rest over that of sliding [-]
-
-
-@kernel
-def copy_row(to: NDArray[Any], values: NDArray[Any]) -> None:
-    """Copy the numbers of an array into another one."""
-    for i in range(len(to)):
-        to[i] = values[i]
-
-
-@kernel
-def copy_rows(to: NDArray[Any], values: NDArray[Any]) -> None:
-    """Copy the numbers of an array of two dimensions into another one."""
-    for i in range(to.shape[0]):
-        for k in range(to.shape[1]):
-            to[i, k] = values[i, k]
 
 
 @kernel

@@ -49,7 +49,7 @@ TIME, TRAVEL, MISSING_FORCE, COMMAND = range(
 class Parameters(NamedTuple):
     """M endoscopes with E elements in the sheath of a wire and G groups of hinges in a plane."""
 
-    constants: Array  # (M, 30) by the columns above
+    constants: Array  # (M, 31) by the columns above
     rest: Array  # (M, 2 E + 2) stretch of the segments where all positions are zero, wire a to b [m]
     joint_friction: Array  # (M, G) of a hinge of each group [N m]
     size: Array  # (G,) number of hinges of each group
@@ -73,7 +73,7 @@ class ReducedState(NamedTuple):
     slip: Signs  # (M, P, 2 E) direction in which each element slid in the last increment: -1, 0 or 1
     turn: Signs  # (M, P, G) the same of each group
     pulley: Array  # (M, P) position of the pulley [m]
-    drive: Array  # (M, P, 3) motor, its last stride and the gear after it [m]
+    drive: Array  # (M, P, 4) motor, its last stride, the gear after it and the command [m]
     past: Array  # (M, P, L) commands of the last control periods that a delay keeps, the last one first [m]
     run: Array  # (M, 6) by the columns above: the four properties below
     layout: NDArray[np.int64]  # (3,) numbers of planes, elements and vertebrae
@@ -181,7 +181,7 @@ def new_state(parameters: Parameters, sheath_bend: Array) -> ReducedState:
         slip=np.zeros((count, planes, elements), np.int8),
         turn=np.zeros((count, planes, groups), np.int8),
         pulley=np.zeros((count, planes)),
-        drive=np.zeros((count, planes, 3)),
+        drive=np.zeros((count, planes, 4)),
         past=np.repeat(zero[:, :, None], parameters.late, axis=2),
         run=run,
         layout=np.array([planes, elements // 2, parameters.size.sum()], dtype=np.int64),

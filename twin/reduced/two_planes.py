@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import CAUGHT_UP
-from twin.mechanics.kernels import kernel
+from twin.mechanics.kernels import copy_row, copy_rows, kernel
 from twin.reduced.one_plane import (
     HELD,
     RESIDUAL_N,
@@ -42,8 +42,6 @@ from twin.reduced.one_plane import (
     Plane,
     Segment,
     Signs,
-    copy_row,
-    copy_rows,
     hinge_torque,
     larger,
     load_of,
