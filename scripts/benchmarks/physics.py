@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from twin.errors import DivergedError
 from twin.physics import simulate, simulate_batch
 from twin.preset.preset import FIDELITIES, Preset, at_fidelity
 from twin.preset.randomization import Ranges
+from twin.reduced.simulation import simulate as simulate_reduced
 from twin.signals.excitation import SIGNALS, command
 
 PERIOD = 8.0
@@ -129,6 +131,52 @@ def _speed(name: str, preset: Preset, commands: Sequence[Array]) -> Result:
     )
     name, peer = f"speed of a batch at fidelity {name}, one thread", "fidelity standard"
     return Result(name, simulated / taken, "times real time", "", None, peer, simulated / standard)
+
+
+SHARES = (0.2, 0.6, 1.0)  # of the amplitude that steps go to
+LEAST_BEND = np.radians(1.0)  # range of a tip that moves [rad]
+SERVOS = {
+    "the drive of the preset": {},
+    "no limits": {"servo_speed": 0.0, "servo_acceleration": 0.0},
+    "20 mm/s at once": {"servo_speed": 0.02, "servo_acceleration": 0.0},
+}
+"""Limits of the servo that steps are measured with."""
+
+
+@measurement("steps")
+def steps(preset: Preset, amplitude: float) -> dict[str, Result]:
+    """Measure along step commands how far both twins are from finer ones, and from each other."""
+    found = {}
+    for servo, limits in SERVOS.items():
+        for rise in (1, 5):
+            errors = [_step_errors(preset.replace(**limits), share * amplitude, rise) for share in SHARES]
+            for name, column, bar in (("16 times finer", 0, "<= 1 %"), ("the reduced twin", 1, "")):
+                of_shares = ", ".join(f"{error[column]:.2f}" for error in errors)
+                title = (
+                    f"steps within {rise * SAMPLE_TIME:g} s, {servo}: off from {name} by {of_shares}, most"
+                )
+                most = max(error[column] for error in errors)
+                found[f"steps_{servo}_{rise}_{name}"] = Result(title, most, "% of the range, RMS", bar)
+    return found
+
+
+def _step_errors(preset: Preset, amplitude: float, rise: int) -> tuple[float, float]:
+    """Return the RMS distance from a twin with 1/16 of time step and period, and from the reduced one [%].
+
+    The command goes to twelve random levels within an amplitude [m], each within `rise` samples.
+    """
+    levels = amplitude * np.concatenate([[0.0], np.random.default_rng(0).uniform(-1, 1, 12)])
+    held = [np.concatenate([np.linspace(a, b, rise + 1)[1:], np.full(20, b)]) for a, b in pairwise(levels)]
+    pull = np.concatenate([[0.0], *held])
+    finer = preset.replace(time_step=preset.time_step / 16, control_period=preset.control_period / 16)
+    bend = simulate(preset, pull, SAMPLE_TIME).bend
+    references = simulate(finer, pull, SAMPLE_TIME).bend, simulate_reduced(preset, pull, SAMPLE_TIME).bend
+    spans = [max(float(np.ptp(other)), LEAST_BEND) for other in references]
+    fine, reduced = (
+        100 * float(np.sqrt(np.mean((bend - other) ** 2))) / span
+        for other, span in zip(references, spans, strict=True)
+    )
+    return fine, reduced
 
 
 LOG_SAMPLE_TIME, LOG_SECONDS, LOG_PERIOD = 0.1, 40.0, 20.0  # of each log [s]

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from calibrating import changed
+from calibrating import SAMPLE_TIME, TRUTH, changed
 
-from twin.calibration import compared, figure, uncertainty
+from twin.calibration import compared, figure, measured_loop, uncertainty
 from twin.calibration.compared import compare
 from twin.calibration.figure import fit_figure
 from twin.calibration.files import fit_report, log_summary, with_sheaths_of, write_fit
 from twin.errors import InputError
+from twin.physics import simulate
 from twin.preset import Ranges, load_preset, load_ranges
 
 
@@ -30,6 +31,17 @@ def test_report_compares_with_each_log_and_draws_it(fitted):
     np.testing.assert_allclose(measured, np.degrees(logs[0].episode.bend))
     np.testing.assert_allclose(simulated, np.degrees(both[0].episode.bend), atol=0.05)
     np.testing.assert_allclose(axes[2].lines[-1].get_ydata(), simulated - measured, atol=1e-9)
+
+
+def test_a_predicted_log_that_began_elsewhere_is_also_compared_from_there():
+    pull = 4e-3 * np.sin(2 * np.pi * np.arange(0, 3, SAMPLE_TIME) / 2.5)
+    before = np.concatenate([np.linspace(0, 3e-3, 20), np.linspace(3e-3, 0, 20)[1:]])
+    after = simulate(TRUTH, np.concatenate([before, pull]), SAMPLE_TIME).part(len(before))
+    log = dataclasses.replace(measured_loop(after, "log", SAMPLE_TIME), offset=True).only_predicted()
+    (found,) = compare(TRUTH, [log])
+    (centred,) = (error["twin"] - error["twin"].mean() for error in found.errors)
+    assert np.degrees(found.own_start.std()) < 0.1 < 0.3 * np.degrees(centred.std())
+    assert compare(TRUTH, [dataclasses.replace(log, offset=False)])[0].own_start is None
 
 
 def test_twins_of_a_calibrated_preset_have_the_sheath_bends_of_its_logs(fitted, tmp_path):
