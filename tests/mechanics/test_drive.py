@@ -272,3 +272,13 @@ def test_restored_drive_goes_on_bit_for_bit_and_a_reset_one_is_new(parameters, w
     new = drive(backlash=width, **parameters)
     assert bits(used.state()) == bits(new.state()) == bits([0.0, 0.0, 0.0, 0.0])
     assert bits(map(used.advance, future)) == bits(map(new.advance, future))
+
+
+@given(parameters=DRIVES, width=or_none(PLAYS), past=PATHS, slow=st.booleans(), future=PATHS)
+def test_a_drive_follows_many_commands_as_one_after_the_other(parameters, width, past, slow, future):
+    one, many = drive(backlash=width, **parameters), drive(backlash=width, **parameters)
+    if slow:  # its limits do not hold it back
+        future = [1e-6 * command for command in future]
+    for commands in ([0.0], past, [*future, 0.0, 0.0], future) if not slow else ([0.0], future):
+        assert bits([one.advance(command) for command in commands]) == bits(many.follow(np.array(commands)))
+        assert bits(one.state()) == bits(many.state())

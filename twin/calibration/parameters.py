@@ -32,7 +32,7 @@ FROM_NOTHING = {
 """Values of parameters that the preset has at zero, where a search by logarithm cannot begin."""
 
 
-SPARED = ("servo_gain", "initial_bend", "lateral_initial_bend", "command_zero", "wire_toe")
+SPARED = ("servo_gain", "initial_bend", "lateral_initial_bend", "wire_toe")
 """Parameters that stay as in the preset unless the logs need them: others look like them."""
 
 
@@ -194,7 +194,8 @@ def free_parameters(
     """Choose the parameters to fit and guess their starting values from the logs.
 
     Without load cells the scale of all forces is not in the data: the stiffness of the section then stays and
-    sets it. How friction grows with the bend of the sheath needs logs at two bends, its exponent at three.
+    sets it. How friction grows with the bend of the sheath needs logs at two bends, its exponent at three;
+    with load cells, three bends determine the capstan coefficient first, and the exponent takes a fourth.
     Delays and the lag of the drive are in logs whose times were recorded. Load cells separate a delay of the
     drive, which tensions have too, from the lag of the sensor. Without them their sum is fitted as the lag of
     the sensor or, where the preset states that lag, as the delay of the drive.
@@ -211,7 +212,7 @@ def free_parameters(
             "command_zero": has_tension and any(loop.offset for loop in loops),
             "sheath_friction": has_tension and len(bends) > 2,
             "sheath_friction_growth": len(bends) > 1,
-            "sheath_friction_exponent": len(bends) > 2,
+            "sheath_friction_exponent": len(bends) > (3 if has_tension else 2),
             "lateral_initial_bend": base.bending_planes == 2,
             "servo_gain": timed,
             "command_delay": timed and (has_tension or base.sensor_latency > 0),

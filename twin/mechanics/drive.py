@@ -170,8 +170,18 @@ class Drive:
 
     def follow(self, commands: Array) -> Array:
         """Advance along commands for the ends of control periods (P,); return the pulls there (P,) [m]."""
-        if not self.rigid:
+        if not (self.rigid or self._keeps_up(commands)):
             return np.array([self.advance(command) for command in commands.tolist()])
-        last = float(commands[-1])
-        self._state = (last, 0.0, last, last)
+        last, stride = float(commands[-1]), float(np.diff(commands[-2:], prepend=self._state[0])[-1])
+        self._state = (last, stride, last, last)
         return commands
+
+    def _keeps_up(self, commands: Array) -> bool:
+        """Return whether a motor that only its limits hold back follows commands (P,) exactly [m]."""
+        law, (motor, stride, pulley, start) = self._law, self._state
+        held = law.share < 1.0 or law.encoder_step or law.half_play or law.delay or self._zero
+        if held or not motor == pulley == start:
+            return False
+        strides = np.diff(commands, prepend=motor)
+        change = np.abs(np.diff(strides, prepend=stride)).max()
+        return bool(max(np.abs(strides).max(), change) <= min(law.sudden, law.longest))
