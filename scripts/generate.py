@@ -130,8 +130,7 @@ def _write(args: Generate, out: Path) -> Summary:
     origin = f"{args.recipe} with its flags" if args.recipe and changes else args.recipe
     recipe = resolve(change_recipe(values, changes), folder, origin)
     output_folder(out)
-    if recipe.physics == "reduced":
-        compile_once("endotwin generate", recipe.preset)
+    compile_once("endotwin generate", recipe.preset, recipe.physics)
     with choose_workers(len(recipe.keys), args.workers, args.dask) as (executor, workers):
         csv, progress = args.format == "csv", Progress("generate", "ep")
         try:
