@@ -37,6 +37,9 @@ DRIVES = st.fixed_dictionaries(
 )
 
 
+LIMITED = {"servo_speed": 0.02, "servo_acceleration": 2.0}
+
+
 def drive(**parameters) -> Drive:
     return Drive(Preset("drive", **parameters))
 
@@ -275,6 +278,9 @@ def test_restored_drive_goes_on_bit_for_bit_and_a_reset_one_is_new(parameters, w
 
 
 @given(parameters=DRIVES, width=or_none(PLAYS), past=PATHS, slow=st.booleans(), future=PATHS)
+@example(parameters={}, width=0, past=[1e-3, 3e-3], slow=False, future=[2e-3])
+@example(parameters=LIMITED, width=0, past=[1e-3, 3e-3], slow=False, future=[1e-3])
+@example(parameters=LIMITED, width=0, past=[], slow=True, future=[1e-3, 3e-3])
 def test_a_drive_follows_many_commands_as_one_after_the_other(parameters, width, past, slow, future):
     one, many = drive(backlash=width, **parameters), drive(backlash=width, **parameters)
     if slow:  # its limits do not hold it back

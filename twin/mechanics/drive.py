@@ -140,11 +140,6 @@ class Drive:
         self._law, self._zero = drive_law(preset), zero
         self.reset()
 
-    @property
-    def rigid(self) -> bool:
-        """True if the pulley follows the command exactly: no zero, delay, servo, encoder or backlash."""
-        return is_rigid(self._law) and not self._zero
-
     def reset(self) -> None:
         """Reset motor and pulley to rest at 0, in the middle of the backlash."""
         self._state = (0.0, 0.0, 0.0, 0.0)
@@ -170,18 +165,13 @@ class Drive:
 
     def follow(self, commands: Array) -> Array:
         """Advance along commands for the ends of control periods (P,); return the pulls there (P,) [m]."""
-        if not (self.rigid or self._keeps_up(commands)):
-            return np.array([self.advance(command) for command in commands.tolist()])
-        last, stride = float(commands[-1]), float(np.diff(commands[-2:], prepend=self._state[0])[-1])
-        self._state = (last, stride, last, last)
-        return commands
-
-    def _keeps_up(self, commands: Array) -> bool:
-        """Return whether a motor that only its limits hold back follows commands (P,) exactly [m]."""
         law, (motor, stride, pulley, start) = self._law, self._state
-        held = law.share < 1.0 or law.encoder_step or law.half_play or law.delay or self._zero
-        if held or not motor == pulley == start:
-            return False
         strides = np.diff(commands, prepend=motor)
         change = np.abs(np.diff(strides, prepend=stride)).max()
-        return bool(max(np.abs(strides).max(), change) <= min(law.sudden, law.longest))
+        limited = law.share < 1.0 or max(np.abs(strides).max(), change) > min(law.sudden, law.longest)
+        plain = not (law.encoder_step or law.half_play or law.delay or self._zero)
+        if limited or not plain or not motor == pulley == start:
+            return np.array([self.advance(command) for command in commands.tolist()])
+        last = float(commands[-1])
+        self._state = (last, stride if law.stiff else float(strides[-1]), last, last)
+        return commands
