@@ -7,7 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.calibration.logs import MeasuredLoop
-from twin.calibration.objective import as_read, bend_errors, offset_of, offsets_taken_off, predict
+from twin.calibration.objective import (
+    as_read,
+    bend_errors,
+    in_its_sheath,
+    offset_of,
+    offsets_taken_off,
+    predict,
+)
 from twin.episode import Episode, Record, runs_of_true
 from twin.errors import DivergedError, InputError
 from twin.hysteresis import HysteresisModel, PrandtlIshlinskii
@@ -164,20 +171,16 @@ def own_start_error(preset: Preset, loop: MeasuredLoop) -> Array | None:
 
 def _from_starts(preset: Preset, loop: MeasuredLoop, starts: Array, physics: str) -> list[Array | None]:
     """Return centred errors of the bend (N,) [rad] after a way from neutral by each of some pulls [m]."""
-    if loop.sheath_bend is not None:
-        preset = preset.replace(sheath_bend=loop.sheath_bend)
-    pull = loop.episode.pull
-    ways = [
-        np.concatenate([np.linspace(0, start, WAY), np.linspace(start, pull[0], WAY)[1:-1]])
+    preset, pull = in_its_sheath(preset, loop), loop.episode.pull
+    pulls = [
+        np.concatenate([np.linspace(0, start, WAY), np.linspace(start, pull[0], WAY)[1:-1], pull])
         for start in starts
     ]
-    pulls = [np.concatenate([way, pull]) for way in ways]
-    episodes = simulate_batch([preset] * len(ways), pulls, loop.sample_time, physics=physics)
-    errors = []
-    for episode, way in zip(episodes, ways, strict=True):
-        read = as_read(None if episode is None else episode.part(len(way)), preset)
-        error = None if read is None else (read.bend - loop.episode.bend)
-        errors.append(None if error is None else error - error[loop.seen].mean())
+    errors: list[Array | None] = []
+    for episode in simulate_batch([preset] * len(pulls), pulls, loop.sample_time, physics=physics):
+        log = None if episode is None else episode.part(-len(pull))
+        raw = bend_errors(as_read(log, preset), loop)
+        errors.append(raw[0] - offset_of(raw[0], loop) if raw else None)
     return errors
 
 

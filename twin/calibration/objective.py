@@ -32,11 +32,7 @@ def predict(
     The wires are wound up in the sheath as it is bent in that log. Angles are as the sensor reads them,
     without its noise.
     """
-    pairs = [
-        (preset if loop.sheath_bend is None else preset.replace(sheath_bend=loop.sheath_bend), loop)
-        for preset in presets
-        for loop in loops
-    ]
+    pairs = [(in_its_sheath(preset, loop), loop) for preset in presets for loop in loops]
     logs = [loop.episode for _, loop in pairs]
     episodes = simulate_batch(
         [preset for preset, _ in pairs],
@@ -49,6 +45,11 @@ def predict(
     read = [as_read(*pair) for pair in zip(episodes, (preset for preset, _ in pairs), strict=True)]
     count = len(loops)
     return [read[start : start + count] for start in range(0, len(pairs), count)]
+
+
+def in_its_sheath(preset: Preset, loop: MeasuredLoop) -> Preset:
+    """Return a preset with the sheath bent as in a log, if that states it."""
+    return preset if loop.sheath_bend is None else preset.replace(sheath_bend=loop.sheath_bend)
 
 
 def as_read(episode: Episode | None, preset: Preset) -> Episode | None:

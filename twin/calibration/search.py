@@ -201,7 +201,7 @@ def with_fixed_parameters(fit: Fit, loops: Sequence[MeasuredLoop]) -> Fit:
     fixed = tuple(
         name
         for name in DEFAULT
-        if name not in fit.free.names
+        if name not in (*fit.free.names, "command_zero")  # not fitted, commands count from neutral
         and (two_planes or not name.startswith("lateral"))
         and (name in SIGNED or getattr(fit.preset, name) > 0)
     )
