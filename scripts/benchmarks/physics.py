@@ -136,9 +136,9 @@ def _speed(name: str, preset: Preset, commands: Sequence[Array]) -> Result:
 SHARES = (0.2, 0.6, 1.0)  # of the amplitude that steps go to
 LEAST_BEND = np.radians(1.0)  # range of a tip that moves [rad]
 SERVOS = {
-    "the drive of the preset": {},
-    "no limits": {"servo_speed": 0.0, "servo_acceleration": 0.0},
-    "20 mm/s at once": {"servo_speed": 0.02, "servo_acceleration": 0.0},
+    "as in the preset": {},
+    "without limits": {"servo_speed": 0.0, "servo_acceleration": 0.0},
+    "20 mm a second": {"servo_speed": 0.02, "servo_acceleration": 0.0},
 }
 """Limits of the servo that steps are measured with."""
 
@@ -156,7 +156,8 @@ def steps(preset: Preset, amplitude: float) -> dict[str, Result]:
                     f"steps within {rise * SAMPLE_TIME:g} s, {servo}: off from {name} by {of_shares}, most"
                 )
                 most = max(error[column] for error in errors)
-                found[f"steps_{servo}_{rise}_{name}"] = Result(title, most, "% of the range, RMS", bar)
+                key = f"steps {servo} {rise} {name}".replace(" ", "_")
+                found[key] = Result(title, most, "% of the range, RMS", bar)
     return found
 
 

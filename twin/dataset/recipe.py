@@ -13,7 +13,7 @@ import yaml
 from twin.errors import InputError
 from twin.files.bounds import LARGEST_VARIANCE_DEG2, LONGEST_SECONDS, check_between
 from twin.files.shown import shown
-from twin.mechanics.wire import quadratic_stiffness, segment_stiffness, stretch_at, toe_width, wound_tension
+from twin.mechanics.wire import spring_law, stretch_at, wound_tension
 from twin.preset.preset import Preset, at_sample_time, parameter_limits
 from twin.preset.randomization import Ranges
 from twin.rendering.camera import Camera
@@ -258,7 +258,7 @@ def farthest_pull(preset: Preset) -> float:
     """
     bend = np.radians(LARGEST_BEND_DEG)
     moment = preset.section_stiffness * bend * (1 + preset.section_stiffening * bend**2)
-    springs = segment_stiffness(preset), quadratic_stiffness(preset), toe_width(preset)
+    springs = spring_law(preset)
     # All segments in series carry the tension; the stretch by winding up is there already.
     stretch = (preset.sheath_elements + 1) * float(
         stretch_at(np.array(moment / preset.wire_offset), *springs)

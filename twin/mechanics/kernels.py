@@ -91,7 +91,8 @@ def _part_of_entry() -> Any:
 
     class PartCompiler(cast(Any, compiler).Compiler):  # type: ignore[misc]
         def define_pipelines(self) -> Any:
-            self.state.library = Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+            state = self.state
+            state["library"] = Part(state.targetctx.codegen(), state.func_id.func_qualname)
             return super().define_pipelines()
 
     return PartCompiler

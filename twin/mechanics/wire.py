@@ -39,6 +39,11 @@ def toe_width(preset: Preset) -> float:
     return preset.wire_toe / segment_stiffness(preset)
 
 
+def spring_law(preset: Preset) -> tuple[float, float, float]:
+    """Return the law of one wire segment, as `tension_at` and `stretch_at` take it [N / m, N / m^2, m]."""
+    return segment_stiffness(preset), quadratic_stiffness(preset), toe_width(preset)
+
+
 def taut_part(stretch: float, width: float) -> tuple[float, float]:
     """Return the part y [m] of a segment's stretch that is taut, and its derivative by the stretch [-].
 
@@ -58,8 +63,10 @@ def tension_at(
     stretch: Array, stiffness: Array | float, quadratic: Array | float, width: Array | float = 0.0
 ) -> Array:
     """Return the tension [N] of wire segments at a stretch [m]; the toe has a width [m]."""
-    soft = width * np.logaddexp(0.0, stretch / np.where(width > 0, width, 1.0))
-    taut = np.where(width > 0, soft, np.maximum(stretch, 0.0))
+    taut = np.maximum(stretch, 0.0)
+    if np.any(width):
+        soft = width * np.logaddexp(0.0, stretch / np.where(width > 0, width, 1.0))
+        taut = np.where(width > 0, soft, taut)
     tension: Array = taut * (stiffness + quadratic * taut)
     return tension
 
@@ -115,8 +122,7 @@ def rest_stretch(preset: Preset, antagonist: bool) -> Array:
     """
     if antagonist and preset.wires_per_plane == 1:
         return np.full(preset.sheath_elements + 1, -ABSENT)
-    law = segment_stiffness(preset), quadratic_stiffness(preset), toe_width(preset)
-    stretch = stretch_at(wound_tension(preset), *law)
+    stretch = stretch_at(wound_tension(preset), *spring_law(preset))
     if preset.bending_planes == 2:
         stretch[:] = stretch.mean()
     stretch[-1] -= preset.wire_slack

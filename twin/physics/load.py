@@ -20,15 +20,7 @@ from twin.mechanics.friction import (
     joint_friction,
 )
 from twin.mechanics.kernels import kernel
-from twin.mechanics.wire import (
-    ABSENT,
-    quadratic_stiffness,
-    rest_stretch,
-    segment_stiffness,
-    taut_part,
-    tension_at,
-    toe_width,
-)
+from twin.mechanics.wire import ABSENT, rest_stretch, spring_law, taut_part, tension_at
 from twin.physics.layout import Index, Layout, consecutive
 from twin.preset.preset import Preset
 
@@ -118,6 +110,7 @@ class LoadLaw(NamedTuple):
     def of(cls, preset: Preset, layout: Layout) -> Self:
         """Return the parameters of a preset."""
         elements, vertebrae = preset.sheath_elements, preset.vertebrae
+        stiffness, quadratic, width = spring_law(preset)
         # Per routing friction and tension it is linear in the turns: the mean over each group, as a matrix.
         of_hinges = hinge_friction(np.zeros(1), 1.0, np.ones(vertebrae), np.eye(vertebrae))
         return cls(
@@ -125,9 +118,9 @@ class LoadLaw(NamedTuple):
             pulley=layout.pulley,
             element=layout.element,
             arm=preset.wire_offset,
-            stiffness=segment_stiffness(preset),
-            quadratic=quadratic_stiffness(preset),
-            width=toe_width(preset),
+            stiffness=stiffness,
+            quadratic=quadratic,
+            width=width,
             damping=preset.wire_damping * (elements + 1),
             rest_stretch=Wires(preset, layout).rest_stretch,
             joint=joint_friction(preset),
@@ -246,7 +239,7 @@ class Wires:
 
     def __init__(self, preset: Preset, layout: Layout) -> None:
         self._shape = layout.wire.shape
-        self._law = segment_stiffness(preset), quadratic_stiffness(preset), toe_width(preset)
+        self._law = spring_law(preset)
         self.rest_stretch = np.array([rest_stretch(preset, bool(w % 2)) for w in range(len(layout.element))])
         self.lengthening = _lengthening(preset, layout)
 

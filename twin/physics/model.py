@@ -28,7 +28,7 @@ from twin.episode import WIRE_PLACES, WIRES
 from twin.files.assets import assets_folder
 from twin.mechanics.drive import PULLEY_STIFFNESS
 from twin.mechanics.friction import LEAST_FRICTION, hinge_groups, joint_friction
-from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiffness, sheath_floor
+from twin.mechanics.wire import rest_stretch, segment_stiffness, sheath_floor, spring_law
 from twin.physics.layout import NEIGHBOURS, PLANES, WAYS
 from twin.preset.preset import Preset
 
@@ -219,12 +219,12 @@ def _add_wire(spec: mujoco.MjSpec, preset: Preset, wire: str) -> None:
     """Add the segments of one wire as springs in series, stretched by the tension left by winding up."""
     place = WIRES.index(wire)
     plane, side = PLANES[place // 2], 1.0 - 2.0 * (place % 2)
-    stiffness, quadratic = segment_stiffness(preset), quadratic_stiffness(preset)
+    stiffness, quadratic, width = spring_law(preset)
     damping = preset.wire_damping * (preset.sheath_elements + 1) + preset.time_step * stiffness
     for length, stretch in enumerate(rest_stretch(preset, antagonist=side < 0)):
         tendon = spec.add_tendon(
             name=f"wire_{wire}{length}",
-            stiffness=[stiffness, 0.0 if preset.wire_toe else quadratic, 0],
+            stiffness=[stiffness, 0.0 if width else quadratic, 0],
             damping=[damping, 0, 0],
             armature=preset.time_step * damping,
             springlength=[_FAR, -float(stretch)],

@@ -199,7 +199,7 @@ class Stepper:
         self._sticking = Sticking.of(preset, self.layout) if preset.stiction else None
         self._pairs = Pairs.of(preset, self.layout) if preset.bending_planes == 2 else None
         self._drives = [Drive(preset, zero) for zero in preset.command_zeros]
-        self._division = Division(preset)
+        self._division, self._parts = Division(preset), 0
         self._stepped = [getattr(model, name) for name in STEPPED]
         self.begin()
 
@@ -279,7 +279,7 @@ class Stepper:
 
     def _divide(self, parts: int) -> None:
         """Set the time step to the parts of the control period."""
-        if parts == getattr(self, "_parts", 0):
+        if parts == self._parts:
             return
         self._parts = parts
         self._steps, self._time_step = self._division.steps(parts)

@@ -18,7 +18,7 @@ from twin.mechanics.friction import (
     hinge_groups,
     joint_friction,
 )
-from twin.mechanics.wire import quadratic_stiffness, rest_stretch, segment_stiffness, tension_at, toe_width
+from twin.mechanics.wire import rest_stretch, spring_law, tension_at
 from twin.preset.preset import Preset
 
 Array = NDArray[np.float64]
@@ -125,10 +125,11 @@ def parameters_of(presets: Sequence[Preset]) -> Parameters:
 
 def _constants(p: Preset) -> list[float]:
     """Return a row of `Parameters.constants`."""
+    stiffness, quadratic, width = spring_law(p)
     law, second = drive_law(p), [0.0] * (2 - p.bending_planes)
     return [
-        segment_stiffness(p),
-        quadratic_stiffness(p),
+        stiffness,
+        quadratic,
         p.wire_damping * (p.sheath_elements + 1),
         p.sheath_friction / p.sheath_elements,
         p.sheath_bend_offset,
@@ -144,7 +145,7 @@ def _constants(p: Preset) -> list[float]:
         p.section_damping * p.vertebrae,
         p.wire_offset,
         p.routing_friction,
-        toe_width(p),
+        width,
         float(is_rigid(law) and not any(p.command_zeros)),
         *map(float, law),
         *p.command_zeros,
