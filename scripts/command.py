@@ -88,18 +88,17 @@ def options_of(settings: type, args: Any) -> dict[str, Any]:
     return {name: getattr(args, name) for name in names if hasattr(args, name)}
 
 
-def compile_once(command: str, preset: Any = None, physics: str = "reduced") -> None:
-    """Compile a twin for a preset, or for one bending plane, before workers would, each."""
+def compile_once(command: str, preset: Any = None) -> None:
+    """Compile the reduced twin for a preset, or for one bending plane, before workers would, each."""
     import numpy as np
 
     from twin.mechanics.kernels import on_compile
     from twin.preset.file import load_preset
-    from twin.simulation import simulate
+    from twin.reduced import simulate
 
     preset = preset or load_preset("ureteroscope")
-    with on_compile(lambda: complain(f"{command}: compiling the twin, once: some seconds")):
-        still = np.full(2, preset.command_zeros[0])
-        simulate(preset, still, preset.control_period, physics=physics)
+    with on_compile(lambda: complain(f"{command}: compiling the reduced twin, once: some seconds")):
+        simulate(preset, np.full(2, preset.command_zeros[0]), preset.control_period)
 
 
 def run_verb(

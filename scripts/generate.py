@@ -130,7 +130,8 @@ def _write(args: Generate, out: Path) -> Summary:
     origin = f"{args.recipe} with its flags" if args.recipe and changes else args.recipe
     recipe = resolve(change_recipe(values, changes), folder, origin)
     output_folder(out)
-    compile_once("endotwin generate", recipe.preset, recipe.physics)
+    if recipe.physics == "reduced":
+        compile_once("endotwin generate", recipe.preset)
     with choose_workers(len(recipe.keys), args.workers, args.dask) as (executor, workers):
         csv, progress = args.format == "csv", Progress("generate", "ep")
         try:
