@@ -1,6 +1,7 @@
 """Kernels: machine code that is kept where only the user can write, and arrays that copies do not share."""
 
 import copy
+import gc
 import os
 import subprocess
 import sys
@@ -66,6 +67,36 @@ def test_machine_code_is_kept_for_the_next_process(tmp_path):
 @pytest.mark.parametrize("home", [{"HOME": "/proc/nowhere"}, {"HOME": "/nonexistent", "USERPROFILE": ""}])
 def test_kernels_run_without_a_home_that_can_be_written(tmp_path, home):
     assert run(tmp_path, **home).endswith("6.0 6.0 6.0")
+
+
+def test_a_kernel_is_compiled_once_for_all_literal_numbers():
+    pair = kernels.kernel(lambda first, second: 10 * first + second)
+
+    @kernels.entry
+    def fill(values):
+        for i in range(len(values)):
+            values[i] = pair(i, 1) + pair(2, 3) + pair(i, i)
+
+    values = np.zeros(3)
+    fill(values)
+    assert values.tolist() == [24, 45, 66]
+    assert len(pair.signatures) == 1
+
+
+def test_numba_compiles_other_functions_as_before():
+    import numba
+    from numba.core import cpu, types
+
+    before = types.BaseFunction.get_call_type, cpu.CPUContext.load_additional_registries, gc.isenabled()
+
+    @kernels.entry
+    def wrong(values):
+        values.no_such_thing()
+
+    with pytest.raises(numba.TypingError, match="no_such_thing"):
+        wrong(np.zeros(3))
+    after = types.BaseFunction.get_call_type, cpu.CPUContext.load_additional_registries, gc.isenabled()
+    assert after == before
 
 
 def test_an_edit_of_any_kernel_leaves_no_stale_code(sources):

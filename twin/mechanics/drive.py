@@ -78,7 +78,7 @@ def advance_drive(
         error = command - motor
         late = max(max(abs(error), abs(error - stride)), PARTS * abs(start - motor)) > law.sudden
         parts = PARTS if late and not law.encoder_step else 1
-        change = law.change / parts**2 if late or law.encoder_step else math.inf
+        change = law.change / (parts * parts) if late or law.encoder_step else math.inf
         longest, stride = law.longest / parts, stride / parts
         share = law.share if parts == 1 else 1.0 - (1.0 - law.share) ** (1.0 / parts)
         for part in range(1, parts + 1):

@@ -6,12 +6,10 @@ all kernels: Numba looks at the file of the entry only, and would run stale code
 
 Kernels make no arrays, but views: no references are counted, which would take an atomic operation for each
 array that is handed on. What compiles takes the time of Numba for each function and each statement, and that
-of LLVM once, for the entry with all that it calls: by itself Numba makes machine code of each kernel, with
-those that it calls.
+of LLVM once, for the entry with all that it calls (`compiler.py`).
 """
 
 import contextlib
-import ctypes
 import functools
 import hashlib
 import importlib.util
@@ -33,7 +31,11 @@ def kernel(function: Kernel) -> Kernel:
     """Compile a function that other kernels call; Python cannot call it, but where nothing is compiled."""
     if not COMPILED:
         return function
-    return _njit(function, no_cpython_wrapper=True, pipeline_class=_part_of_entry())
+    from twin.mechanics import compiler
+
+    dispatcher = _njit(function, no_cpython_wrapper=True, pipeline_class=compiler.PartCompiler)
+    compiler.compile_once_for_all_literals(dispatcher)
+    return dispatcher
 
 
 def entry(function: Kernel) -> Kernel:
@@ -42,60 +44,27 @@ def entry(function: Kernel) -> Kernel:
     It takes numbers, arrays, None and tuples of these by position, and returns nothing: results go into
     arrays.
     """
-    folder = cache_folder() if COMPILED else None
-    if folder is None:
-        return _njit(function)
+    if not COMPILED:
+        return function
     import numba
 
-    config = cast(Any, numba.config)
+    from twin.mechanics.compiler import EntryCompiler
+
+    folder, config = cache_folder(), cast(Any, numba.config)
+    if folder is None:
+        return _njit(function, pipeline_class=EntryCompiler)
     before, config.CACHE_DIR = config.CACHE_DIR, str(folder)  # read when a function is decorated
     try:
-        return _njit(function, cache=True)
+        return _njit(function, cache=True, pipeline_class=EntryCompiler)
     finally:
         config.CACHE_DIR = before
 
 
 def _njit(function: Kernel, **options: Any) -> Kernel:
-    if not COMPILED:
-        return function
     import numba
 
     options |= {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, "_nrt": False}
     return cast(Kernel, cast(Any, numba.njit)(**options)(function))
-
-
-@functools.cache
-def _part_of_entry() -> Any:
-    """Return a compiler whose functions become code of LLVM alone, for the entry to take in."""
-    from numba.core import codegen, compiler
-
-    class Part(cast(Any, codegen).JITCodeLibrary):  # type: ignore[misc]
-        """Code that is linked, but neither optimised nor made to run by itself."""
-
-        def finalize(self) -> None:
-            for library in dict.fromkeys(self._linking_libraries):
-                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-            self._finalized = True
-
-        @property
-        def codegen(self) -> Any:
-            return self
-
-        def set_env(self, name: str, env: Any) -> None:
-            """Leave out the environment, which is found in what runs."""
-
-        def get_pointer_to_function(self, name: str) -> Any:
-            """Let a call by Python, of what is no callable object here, raise a TypeError."""
-            self._ensure_finalized()
-            return ctypes.cast(ctypes.pythonapi.PyObject_Call, ctypes.c_void_p).value
-
-    class PartCompiler(cast(Any, compiler).Compiler):  # type: ignore[misc]
-        def define_pipelines(self) -> Any:
-            state = self.state
-            state["library"] = Part(state.targetctx.codegen(), state.func_id.func_qualname)
-            return super().define_pipelines()
-
-    return PartCompiler
 
 
 @functools.cache

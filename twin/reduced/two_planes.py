@@ -270,7 +270,8 @@ def _load(
             pair[k, p, STIFFNESS] = max(segment[i, p, SLOPE] + segment[i + 1, p, SLOPE], held)
     for k in range(2 * E, end):
         g = k - 2 * E
-        turned = turn_of(size[g], pair[k, 0, PLACE], pair[k, 1, PLACE] ** 2)
+        lateral = pair[k, 1, PLACE]
+        turned = turn_of(size[g], pair[k, 0, PLACE], lateral * lateral)
         wrapped = arm * plane.routing * (passed + turned / 2.0)
         passed += turned
         pair[k, 0, WRAPPED] = wrapped
@@ -584,6 +585,6 @@ def come_to_rest(force: Two, friction: Two, slipped: Two, stiffness: Two, limit:
             break
         slope = 0.0
         for p in range(2):
-            slope -= tau[p] ** 2 / size * k[p] / (F[p] ** 2 + travel * k[p])
+            slope -= tau[p] * tau[p] / size * k[p] / (F[p] * F[p] + travel * k[p])
         travel = max(travel - (size - 1.0) / slope, 0.0)
     return (travel * tau[0] / F[0], travel * tau[1] / F[1]), True
