@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 # Where kernels are not compiled, the same code runs interpreted, a few hundred times slower.
-COMPILED = importlib.util.find_spec("numba") is not None
+DISABLED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # by the user, as for a debugger
+COMPILED = importlib.util.find_spec("numba") is not None and not DISABLED
 PACKAGES = ("mechanics", "physics", "reduced")  # that have kernels
 
 
