@@ -34,7 +34,9 @@ def kernel(function: Kernel) -> Kernel:
         return function
     from twin.mechanics import compiler
 
-    dispatcher = _njit(function, no_cpython_wrapper=True, pipeline_class=compiler.PartCompiler)
+    dispatcher = _njit(
+        function, no_cpython_wrapper=True, forceinline=True, pipeline_class=compiler.PartCompiler
+    )
     compiler.compile_once_for_all_literals(dispatcher)
     return dispatcher
 
