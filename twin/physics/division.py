@@ -31,7 +31,7 @@ STEPPED = (
 )
 """Fields of a MuJoCo model that depend on the time step, besides those of `load.py`."""
 
-ADDED, CHANGED = 8e-3, 1e-3  # tension in a part, and its change, at most, as shares of the pretension [-]
+ADDED, CHANGED = 16e-3, 1e-3  # tension in a part, and its change, at most, as shares of the pretension [-]
 FADING = 0.75  # of the number of parts that a control period needed, from one to the next [-]
 LEAST_TENSION = 1.0  # that these are shares of where there is less pretension [N]
 LEAST_PART = 1.5e-4  # shortest part [s]: far below, friction creeps, as its constraints become soft
