@@ -6,9 +6,11 @@ Only what compiles imports this. It relies on inner parts of Numba, whose versio
 import contextlib
 import ctypes
 import gc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, cast
 
+import numba
 from numba.core import (
     codegen,
     compiler,
@@ -103,10 +105,25 @@ class PartCompiler(KernelCompiler):
     Library = Part
 
 
-def compile_once_for_all_literals(dispatcher: Any) -> None:
-    """Let a kernel that is called with a literal number be the one for all numbers of that type."""
-    by_types = dispatcher.get_call_template
-    dispatcher.get_call_template = lambda args, kws: by_types(tuple(map(types.unliteral, args)), kws)
+def compile_part(function: Callable[..., Any]) -> Any:
+    """Compile a kernel into what calls it: one for all literal numbers of a type that it is called with."""
+    part = _njit(function, PartCompiler, no_cpython_wrapper=True, forceinline=True)
+    by_types = part.get_call_template
+    part.get_call_template = lambda args, kws: by_types(tuple(map(types.unliteral, args)), kws)
+    return part
+
+
+def compile_whole(function: Callable[..., Any], cache: Path | None) -> Any:
+    """Compile an entry, and keep its machine code in a folder, if there is one."""
+    if cache is None:
+        return _njit(function, EntryCompiler)
+    with _replaced(numba.config, "CACHE_DIR", str(cache)):  # read when a function is decorated
+        return _njit(function, EntryCompiler, cache=True)
+
+
+def _njit(function: Callable[..., Any], pipeline: type[KernelCompiler], **options: Any) -> Any:
+    options |= {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, "_nrt": False}
+    return cast(Any, numba.njit)(pipeline_class=pipeline, **options)(function)
 
 
 @contextlib.contextmanager

@@ -32,13 +32,9 @@ def kernel(function: Kernel) -> Kernel:
     """Compile a function that other kernels call; Python cannot call it, but where nothing is compiled."""
     if not COMPILED:
         return function
-    from twin.mechanics import compiler
+    from twin.mechanics.compiler import compile_part
 
-    dispatcher = _njit(
-        function, no_cpython_wrapper=True, forceinline=True, pipeline_class=compiler.PartCompiler
-    )
-    compiler.compile_once_for_all_literals(dispatcher)
-    return dispatcher
+    return cast(Kernel, compile_part(function))
 
 
 def entry(function: Kernel) -> Kernel:
@@ -49,25 +45,9 @@ def entry(function: Kernel) -> Kernel:
     """
     if not COMPILED:
         return function
-    import numba
+    from twin.mechanics.compiler import compile_whole
 
-    from twin.mechanics.compiler import EntryCompiler
-
-    folder, config = cache_folder(), cast(Any, numba.config)
-    if folder is None:
-        return _njit(function, pipeline_class=EntryCompiler)
-    before, config.CACHE_DIR = config.CACHE_DIR, str(folder)  # read when a function is decorated
-    try:
-        return _njit(function, cache=True, pipeline_class=EntryCompiler)
-    finally:
-        config.CACHE_DIR = before
-
-
-def _njit(function: Kernel, **options: Any) -> Kernel:
-    import numba
-
-    options |= {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, "_nrt": False}
-    return cast(Kernel, cast(Any, numba.njit)(**options)(function))
+    return cast(Kernel, compile_whole(function, cache_folder()))
 
 
 @functools.cache
