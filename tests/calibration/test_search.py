@@ -141,6 +141,29 @@ def test_a_walk_ends_in_the_lower_of_two_valleys(problem, monkeypatch, side):
     assert (found - free.start)[0] * side == pytest.approx(0.45, abs=0.02)
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_lower_valley_has_an_initial_bend_of_either_sign(problem, monkeypatch, side):
+    """A log of slack wires may begin at either end of their plateau; a descent ends on its own side."""
+    _, logs = problem
+    free = free_parameters(start_of(), logs, ("joint_friction", "initial_bend"))
+
+    def penalised(_, points, *args, **options):
+        friction, bend = (np.array(points) - free.start).T
+        higher = 0.1 * (np.sign(bend) != side)
+        return np.stack([np.abs(bend) - 0.5, friction, np.sqrt(0.3 + higher)], axis=1)
+
+    monkeypatch.setattr("twin.calibration.descent.penalised", penalised)
+    for begun in (-0.5, 0.5):
+        searching = search._Search([free], logs, 2, Stages(9, None, "", None))
+        ((cost, which, numbers),) = searching.descend(
+            "finish", [(0, free.start + np.array([0.1, begun]))], 60
+        )
+        assert free.decode(numbers).initial_bend == pytest.approx(0.1 * begun, abs=1e-3)
+        cost, _, numbers = searching.mirror(cost, which, numbers)
+        assert cost == pytest.approx(0.3, abs=1e-6)
+        assert free.decode(numbers).initial_bend == pytest.approx(0.05 * side, abs=1e-3)
+
+
 @pytest.mark.slow
 def test_wires_with_slack_are_chosen_where_the_logs_show_a_plateau():
     slack = TRUTH.replace(wire_slack=8e-4, command_zero=3e-4)

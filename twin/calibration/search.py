@@ -220,6 +220,7 @@ def with_fixed_parameters(fit: Fit, loops: Sequence[MeasuredLoop]) -> Fit:
 SCREENED = 40  # candidates that are tried for each start of least squares
 STARTS = 12  # starts of least squares: valleys are many, and the best one by the fitted samples is taken
 FINISHED = 2  # the best starts, which are followed to the bottom
+MIRRORED = ("initial_bend", "lateral_initial_bend")  # each sign of them may have a valley of its own
 LOWER = 0.9999  # share of the cost below which another valley is lower
 TURNS = 3  # most times that the first guess is given less weight, where the logs leave little unexplained
 SPREAD = 0.6  # of the candidates about the first guess: a factor of 1.8 on the scale of the search
@@ -244,14 +245,15 @@ def calibrate(
     """Fit a preset to logs.
 
     On the reduced twin: random candidates about the first guess are tried, least squares in a trust region
-    (SciPy's `trf`) starts from the best of them, and continues to the minimum from the best of these. Walks
-    along its valley then look for a lower one. `confirmed` moves the fit to where the twin in MuJoCo agrees
-    with the logs.
+    (SciPy's `trf`) starts from the best of them, and continues to the minimum from the best of these, and
+    from there with the initial bend reversed. Walks along its valley then look for a lower one. `confirmed`
+    moves the fit to where the twin in MuJoCo agrees with the logs.
     """
     if not loops:
         raise InputError("no log to calibrate on")
     check_effort(starts, seed)
-    count = len(structures) + starts + min(FINISHED, starts) + TURNS + len(SPARED) + WALK * len(STRIDES) + 1
+    turns = min(FINISHED, starts) + len(MIRRORED) + TURNS
+    count = len(structures) + starts + turns + len(SPARED) + WALK * len(STRIDES) + 1
     key = _key(structures, loops, seed, starts) if state_file else ""
     stages = Stages(count, state_file, key, on_progress)
     search = _Search(structures, loops, starts, stages)
@@ -259,7 +261,7 @@ def calibrate(
     down = search.descend("start", begun, STEPS, smooth=False)
     best = sorted(down, key=lambda one: one[0])[:FINISHED]
     finished = search.descend("finish", [(which, x) for _, which, x in best], MOST_STEPS)
-    cost, which, numbers = min(finished, key=lambda one: one[0])
+    cost, which, numbers = search.mirror(*min(finished, key=lambda one: one[0]))
     free, weight = structures[which], PRIOR
     for turn in range(TURNS):
         left = float((residuals([free.decode(numbers)], loops, "reduced") ** 2).sum())
@@ -307,7 +309,7 @@ def foreseen_seconds(
     residuals([free.base] * TRIALS, loops, "reduced")
     each = (time.perf_counter() - begun) / TRIALS
     step = len(free.names) + 2
-    descents = STEPS * step * starts + USUAL_STEPS * 2 * step * min(FINISHED, starts)
+    descents = STEPS * step * starts + USUAL_STEPS * 2 * step * (min(FINISHED, starts) + 1)
     walks = len(STRIDES) * (2 * USUAL_WALK * STEPS * step + USUAL_STEPS * 2 * step)
     return each * (SCREENED * starts + descents + walks)
 
@@ -367,6 +369,18 @@ class _Search:
             return float(found[0]), which, found[1:]
 
         return self._stages.side_by_side(reach, range(len(begun)), lambda reached: reached[0])
+
+    def mirror(self, cost: float, which: int, numbers: Array) -> tuple[float, int, Array]:
+        """Return a point (P,), or where one with a reversed initial bend descends to, if that is lower.
+
+        Where the sensor's zero is not known, a log may have begun at either end of a slack plateau.
+        """
+        names = self.structures[which].names
+        begun = [numbers * [-1 if name == of else 1 for name in names] for of in MIRRORED if of in names]
+        self._stages.finish(cost, len(MIRRORED) - len(begun))
+        reached = self.descend("mirror", [(which, start) for start in begun], MOST_STEPS)
+        lowest = min(reached, key=lambda one: one[0], default=(cost, which, numbers))
+        return lowest if lowest[0] < LOWER * cost else (cost, which, numbers)
 
     def spare(
         self, name: str, which: int, cost: float, numbers: Array, weight: float
