@@ -1,6 +1,7 @@
-"""Figure of docs/physics.md: the record on which the reduced twin and MuJoCo's differ most.
+"""Agreement of the reduced twin and MuJoCo's, and a figure of the record on which they differ most.
 
-`python docs/site/reduced_figure.py` writes it into docs/images; it takes some three minutes.
+`python docs/site/reduced_figure.py` writes the figure into docs/images and prints the rows of
+docs/data/reduced_agreement.csv; it takes about a minute.
 """
 
 import sys
@@ -16,6 +17,7 @@ sys.path.insert(0, str(REPOSITORY))
 from scripts.benchmarks.harness import Array
 from scripts.benchmarks.physics import whole
 from scripts.benchmarks.reduced import T
+from twin.episode import Episode
 from twin.files.atomic import write_whole
 from twin.preset.file import load_preset
 from twin.preset.preset import Preset
@@ -28,43 +30,77 @@ AMPLITUDE = {"ureteroscope": 4e-3, "vio_com": 1e-2}
 """Of the commands to each preset [m]."""
 PAIRS = 200  # drawn endoscopes, besides the preset itself along every kind of signal
 SECONDS = 20.0
+SLOW = ("sine", "triangle", "decaying-sine")  # signals that take twice that, at an eighth of the step
 LEAST_RANGE = np.radians(45)  # that a difference is a share of: some drawn endoscopes hardly move [rad]
 PARTS = {1: "#b9501f", 2: "#2b6ca3", 8: INK}
 """Parts that MuJoCo's step is divided into, and their colours."""
+HEADER = "preset and step,records,RMS [%],RMS of the median record [%],largest [%],released [%],tension [%]"
 
 
-class Worst(NamedTuple):
-    """Record on which both twins differ most, as a share of its range."""
+class Pair(NamedTuple):
+    """Differences of both twins along a command, as shares of the range of MuJoCo's record."""
 
-    share: float
     preset: Preset
     pull: Array
+    rms: float
+    largest: float
+    released: float  # of the bend before the first motion, where a curved section has been released
+    tension: float
 
 
-def worst() -> Worst:
-    """Return the worst of the records of both presets and of endoscopes drawn about them."""
-    found = []
-    for name, amplitude in AMPLITUDE.items():
-        rng, kinds = np.random.default_rng(0), list(SIGNALS)
-        preset, ranges, stroke = load_preset(name), load_ranges(name), (-amplitude, amplitude)
-        presets = [preset] * len(kinds) + [ranges.draw(preset, rng) for _ in range(PAIRS)]
-        pulls = [command(kinds[k % len(kinds)], stroke, SECONDS, T, rng) for k in range(len(presets))]
-        made = [whole(simulate_batch(presets, pulls, T, physics=p)) for p in ("mujoco", "reduced")]
-        for preset, pull, mujoco, reduced in zip(presets, pulls, *made, strict=True):
-            span = max(np.ptp(mujoco.bend), LEAST_RANGE)
-            found.append(Worst(float(np.abs(reduced.bend - mujoco.bend).max() / span), preset, pull))
-    return max(found, key=lambda record: record.share)
+def compare(presets: list[Preset], pulls: list[Array]) -> list[Pair]:
+    """Simulate both twins along commands [m]."""
+    made = [whole(simulate_batch(presets, pulls, T, physics=physics)) for physics in ("mujoco", "reduced")]
+    return [
+        Pair(preset, pull, *differences(*both))
+        for preset, pull, both in zip(presets, pulls, zip(*made, strict=True), strict=True)
+    ]
 
 
-def draw(record: Worst) -> Figure:
+def differences(mujoco: Episode, reduced: Episode) -> tuple[float, float, float, float]:
+    """Return RMS and largest difference of the bend, that before the first motion, and that of tensions."""
+    away = np.abs(reduced.bend - mujoco.bend) / max(np.ptp(mujoco.bend), LEAST_RANGE)
+    tension = np.abs(reduced.wire_tension - mujoco.wire_tension) / np.ptp(mujoco.wire_tension)
+    first = int(np.argmax(mujoco.pull != mujoco.pull[0]))  # sample that moves
+    rms = np.sqrt(np.mean(away**2))
+    return float(rms), float(away[first:].max()), float(away[:first].max()), float(tension[first:].max())
+
+
+def compare_all(name: str) -> list[Pair]:
+    """Compare along every kind of signal: the preset, then endoscopes drawn about it."""
+    rng, kinds = np.random.default_rng(0), list(SIGNALS)
+    preset, ranges, stroke = load_preset(name), load_ranges(name), (-AMPLITUDE[name], AMPLITUDE[name])
+    presets = [preset] * len(kinds) + [ranges.draw(preset, rng) for _ in range(PAIRS)]
+    pulls = [command(kinds[k % len(kinds)], stroke, SECONDS, T, rng) for k in range(len(presets))]
+    return compare(presets, pulls)
+
+
+def compare_slow(name: str) -> list[Pair]:
+    """Compare along slow commands, MuJoCo's at an eighth of its step."""
+    rng, stroke = np.random.default_rng(1), (-AMPLITUDE[name], AMPLITUDE[name])
+    pulls = [command(kind, stroke, 2 * SECONDS, T, rng) for kind in SLOW]
+    return compare([divided(load_preset(name), 8)] * len(pulls), pulls)
+
+
+def divided(preset: Preset, parts: int) -> Preset:
+    """Return the preset with MuJoCo's step and control period divided."""
+    return preset.replace(time_step=preset.time_step / parts, control_period=preset.control_period / parts)
+
+
+def row(name: str, pairs: list[Pair]) -> str:
+    """Return the worst of the pairs, and the median of their RMS, as a row of the file."""
+    shares = 100 * np.array([pair[2:] for pair in pairs])
+    rms, *others = shares.max(axis=0)
+    figures = (rms, np.median(shares[:, 0]), *others)
+    return ",".join([name, str(len(pairs)), *(f"{figure:.2g}" for figure in figures)])
+
+
+def draw(record: Pair) -> Figure:
     """Draw both loops, and the difference at MuJoCo's step and at parts of it."""
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     loop, apart = (clean_axes(axes) for axes in figure.subplots(1, 2, width_ratios=(2, 3)))
     for parts, colour in PARTS.items():
-        preset = record.preset
-        finer = preset.replace(
-            time_step=preset.time_step / parts, control_period=preset.control_period / parts
-        )
+        finer = divided(record.preset, parts)
         mujoco, reduced = (
             whole(simulate_batch([finer], [record.pull], T, physics=p))[0] for p in ("mujoco", "reduced")
         )
@@ -83,6 +119,10 @@ def draw(record: Worst) -> Figure:
 
 
 if __name__ == "__main__":
-    found = worst()
-    write_whole(REPOSITORY / "docs/images/reduced_twin.png", to_png_bytes(draw(found), 160))
-    print(f"{found.preset.name}: {100 * found.share:.2f} % of the range")
+    pairs = {name: compare_all(name) for name in AMPLITUDE}
+    worst = max((pair for some in pairs.values() for pair in some), key=lambda pair: pair.largest)
+    write_whole(REPOSITORY / "docs/images/reduced_twin.png", to_png_bytes(draw(worst), 160))
+    print(HEADER)
+    for name, some in pairs.items():
+        print(row(f"{name}: its own step", some))
+        print(row(f"{name}: an eighth of it", compare_slow(name)))
