@@ -6,6 +6,9 @@ What one thread does is timed by its processor time, which others of the machine
 import subprocess
 import sys
 import time
+from functools import partial
+
+import numpy as np
 
 from scripts.benchmarks.harness import (
     SAMPLE_TIME,
@@ -19,6 +22,7 @@ from scripts.benchmarks.harness import (
 from twin.physics import Endoscope, simulate, simulate_batch
 from twin.physics.plain_chain import run_plain_chain
 from twin.preset.preset import Preset
+from twin.signals.excitation import SIGNALS, command
 
 PERIOD = 8.0
 
@@ -26,10 +30,10 @@ PERIOD = 8.0
 @measurement("speed_one_core")
 def one_core(preset: Preset, amplitude: float) -> Result:
     """Measure simulated seconds per second of one endoscope, against a plain chain of the same nv."""
-    command = sinusoid(amplitude, PERIOD, 2)
+    pull = sinusoid(amplitude, PERIOD, 2)
     degrees = Endoscope.from_preset(preset).model.ptr.nv
     ours, theirs = in_turn(
-        lambda: simulate(preset, command, SAMPLE_TIME),
+        lambda: simulate(preset, pull, SAMPLE_TIME),
         lambda: run_plain_chain(degrees, preset.time_step, 2 * PERIOD),
         clock=time.process_time,
     )
@@ -39,14 +43,33 @@ def one_core(preset: Preset, amplitude: float) -> Result:
     return Result("speed on one core", rates[0], "times real time", ">= 100", None, peer, rates[1])
 
 
+@measurement("speed_of_signals")
+def of_signals(preset: Preset, amplitude: float) -> dict[str, Result]:
+    """Measure simulated seconds per second along each kind of signal, 20 s, against steps of 2.5 ms."""
+    short, results = preset.replace(time_step=2.5e-3), {}
+    for number, kind in enumerate(SIGNALS):
+        rng = np.random.default_rng(number)
+        pull = command(kind, (-amplitude, amplitude), 20.0, SAMPLE_TIME, rng)
+        ours, theirs = in_turn(
+            partial(simulate, preset, pull, SAMPLE_TIME),
+            partial(simulate, short, pull, SAMPLE_TIME),
+            repeats=3,
+            clock=time.process_time,
+        )
+        results[f"speed_{kind}"] = Result(
+            f"speed along a {kind}", 20 / ours, "times real time", "", None, "steps of 2.5 ms", 20 / theirs
+        )
+    return results
+
+
 @measurement("speed_two_threads")
 def two_threads(preset: Preset, amplitude: float) -> Result:
     """Measure simulated seconds per second of a batch on two threads, against one."""
     count = 32
-    commands = [sinusoid(amplitude, PERIOD, 2)] * count
+    pulls = [sinusoid(amplitude, PERIOD, 2)] * count
     two, one = in_turn(
-        lambda: simulate_batch([preset] * count, commands, SAMPLE_TIME, threads=2),
-        lambda: simulate_batch([preset] * count, commands, SAMPLE_TIME, threads=1),
+        lambda: simulate_batch([preset] * count, pulls, SAMPLE_TIME, threads=2),
+        lambda: simulate_batch([preset] * count, pulls, SAMPLE_TIME, threads=1),
     )
     simulated = count * (2 * PERIOD + 1)
     name, bar, peer = (
@@ -60,11 +83,11 @@ def two_threads(preset: Preset, amplitude: float) -> Result:
 @measurement("cost_of_vertebrae")
 def cost_of_vertebrae(preset: Preset, amplitude: float) -> Result:
     """Measure the time of a simulated second with 64 vertebrae, against 8."""
-    command = sinusoid(amplitude, 4.0, 1)
+    pull = sinusoid(amplitude, 4.0, 1)
     few, many = (preset.replace(vertebrae=n) for n in (8, 64))
     slow, fast = in_turn(
-        lambda: simulate(many, command, SAMPLE_TIME),
-        lambda: simulate(few, command, SAMPLE_TIME),
+        lambda: simulate(many, pull, SAMPLE_TIME),
+        lambda: simulate(few, pull, SAMPLE_TIME),
         clock=time.process_time,
     )
     unit, bar = "s per simulated second", "<= 8 times that of 8"
