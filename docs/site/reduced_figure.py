@@ -15,7 +15,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(REPOSITORY))
 
 from scripts.benchmarks.harness import Array
-from scripts.benchmarks.physics import whole
+from scripts.benchmarks.physics import divided, whole
 from scripts.benchmarks.reduced import T
 from twin.episode import Episode
 from twin.files.atomic import write_whole
@@ -48,12 +48,17 @@ class Pair(NamedTuple):
     tension: float
 
 
+def both(presets: list[Preset], pulls: list[Array]) -> list[tuple[Episode, Episode]]:
+    """Simulate MuJoCo's twin and the reduced one along commands [m]."""
+    mujoco, reduced = (whole(simulate_batch(presets, pulls, T, physics=p)) for p in ("mujoco", "reduced"))
+    return list(zip(mujoco, reduced, strict=True))
+
+
 def compare(presets: list[Preset], pulls: list[Array]) -> list[Pair]:
-    """Simulate both twins along commands [m]."""
-    made = [whole(simulate_batch(presets, pulls, T, physics=physics)) for physics in ("mujoco", "reduced")]
+    """Simulate both twins along commands [m], and return their differences."""
     return [
-        Pair(preset, pull, *differences(*both))
-        for preset, pull, both in zip(presets, pulls, zip(*made, strict=True), strict=True)
+        Pair(preset, pull, *differences(*episodes))
+        for preset, pull, episodes in zip(presets, pulls, both(presets, pulls), strict=True)
     ]
 
 
@@ -82,11 +87,6 @@ def compare_slow(name: str) -> list[Pair]:
     return compare([divided(load_preset(name), 8)] * len(pulls), pulls)
 
 
-def divided(preset: Preset, parts: int) -> Preset:
-    """Return the preset with MuJoCo's step and control period divided."""
-    return preset.replace(time_step=preset.time_step / parts, control_period=preset.control_period / parts)
-
-
 def row(name: str, pairs: list[Pair]) -> str:
     """Return the worst of the pairs, and the median of their RMS, as a row of the file."""
     shares = 100 * np.array([pair[2:] for pair in pairs])
@@ -100,10 +100,7 @@ def draw(record: Pair) -> Figure:
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     loop, apart = (clean_axes(axes) for axes in figure.subplots(1, 2, width_ratios=(2, 3)))
     for parts, colour in PARTS.items():
-        finer = divided(record.preset, parts)
-        mujoco, reduced = (
-            whole(simulate_batch([finer], [record.pull], T, physics=p))[0] for p in ("mujoco", "reduced")
-        )
+        ((mujoco, reduced),) = both([divided(record.preset, parts)], [record.pull])
         label = "step h" if parts == 1 else f"h / {parts}"
         apart.plot(
             mujoco.time, reduced.truth_deg - mujoco.truth_deg, color=colour, linewidth=1.2, label=label

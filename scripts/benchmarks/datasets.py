@@ -10,7 +10,7 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from scripts.benchmarks.harness import OnProgress, Result, in_turn, measurement
+from scripts.benchmarks.harness import OnProgress, Result, in_turn, measurement, processor_time
 from twin.dataset.episodes import make_episodes
 from twin.dataset.files import make_files
 from twin.dataset.recipe import Recipe
@@ -86,9 +86,9 @@ def by_the_reduced_twin(preset: Preset, amplitude: float, episodes: int) -> dict
 
         def make(physics: str, count: int = episodes) -> tuple[float, float]:
             made = dataclasses.replace(recipe, physics=physics, episodes=count)
-            wall, used = time.perf_counter(), _processor_time()
+            wall, used = time.perf_counter(), processor_time()
             _write(made, Path(scratch) / str(next(numbers)), 2, lambda done, total: None)
-            return time.perf_counter() - wall, _processor_time() - used
+            return time.perf_counter() - wall, processor_time() - used
 
         make("reduced", 1)  # what a process loads at its first dataset counts for neither
         taken = {physics: make(physics) for physics in ("reduced", "mujoco")}
@@ -99,12 +99,6 @@ def by_the_reduced_twin(preset: Preset, amplitude: float, episodes: int) -> dict
         rate, bar, peer = simulated / ours, ">= 3 times MuJoCo", "the twin in MuJoCo"
         results[key] = Result(name, rate, "times real time", bar, None, peer, simulated / theirs)
     return results
-
-
-def _processor_time() -> float:
-    """Return the processor time of this process and of those that it waited for [s]."""
-    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
 @measurement("memory")

@@ -6,6 +6,7 @@ import operator
 import os
 import platform
 import re
+import resource
 import shlex
 import statistics
 import subprocess
@@ -134,6 +135,12 @@ def in_turn(
             if repeat >= warm_up:
                 taken.append(clock() - start)
     return statistics.median(times[0]), statistics.median(times[1])
+
+
+def processor_time() -> float:
+    """Return the processor time of this process and of those that it waited for [s]."""
+    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
 def processor_seconds(*words: str, stdin: BinaryIO | None = None) -> float:

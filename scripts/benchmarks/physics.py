@@ -77,6 +77,11 @@ def random_draws(
     return Result(name, diverged, "diverged", "none", not diverged)
 
 
+def divided(preset: Preset, parts: int) -> Preset:
+    """Return a preset with MuJoCo's time step and control period divided."""
+    return preset.replace(time_step=preset.time_step / parts, control_period=preset.control_period / parts)
+
+
 def whole(episodes: list[Episode | None]) -> list[Episode]:
     """Return the episodes, all of them complete."""
     whole = [episode for episode in episodes if episode is not None]
@@ -169,7 +174,7 @@ def _step_errors(preset: Preset, amplitude: float, rise: int) -> tuple[float, fl
     levels = amplitude * np.concatenate([[0.0], np.random.default_rng(0).uniform(-1, 1, 12)])
     held = [np.concatenate([np.linspace(a, b, rise + 1)[1:], np.full(20, b)]) for a, b in pairwise(levels)]
     pull = np.concatenate([[0.0], *held])
-    finer = preset.replace(time_step=preset.time_step / 16, control_period=preset.control_period / 16)
+    finer = divided(preset, 16)
     bend = simulate(preset, pull, SAMPLE_TIME).bend
     references = simulate(finer, pull, SAMPLE_TIME).bend, simulate_reduced(preset, pull, SAMPLE_TIME).bend
     spans = [max(float(np.ptp(other)), LEAST_BEND) for other in references]

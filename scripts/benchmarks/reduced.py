@@ -4,7 +4,15 @@ import time
 
 import numpy as np
 
-from scripts.benchmarks.harness import Array, OnProgress, Result, in_turn, measurement, processor_seconds
+from scripts.benchmarks.harness import (
+    Array,
+    OnProgress,
+    Result,
+    in_turn,
+    measurement,
+    processor_seconds,
+    processor_time,
+)
 from twin.preset.preset import Preset
 from twin.preset.randomization import Ranges
 from twin.reduced import ReducedTwins
@@ -117,8 +125,12 @@ def start(preset: Preset) -> Result:
         "from twin.preset.preset import Preset; from twin.reduced import ReducedTwins\n"
         f"ReducedTwins([Preset(**{preset.to_dict()!r})]).step(1e-3)"
     )
-    times = [[processor_seconds("-c", words) for words in (code, "import numba")] for _ in range(5)]
-    seconds, peer = np.median(times[1:], axis=0).tolist()  # the first compiles
+    seconds, peer = in_turn(
+        lambda: processor_seconds("-c", code),  # the warm-up compiles
+        lambda: processor_seconds("-c", "import numba"),
+        repeats=4,
+        clock=processor_time,
+    )
     name = "reduced twin, start of a process to its first sample, processor time"
     return Result(name, seconds, "s", "< 2.5 times the import", None, "an import of Numba", peer)
 
